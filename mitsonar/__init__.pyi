@@ -1,4 +1,5 @@
 from . import (
+    comparison as comparison,
     dataset as dataset,
     gradients as gradients,
     hydrography as hydrography,
@@ -17,6 +18,7 @@ from . import (
     units as units,
     water as water,
 )
+from .comparison.comparing import compare as compare
 from .device.llvm import BackendError as BackendError
 from .io.reading import read as read, write as write
 from .plots.sheets.scene_sheet import show as show

@@ -14,10 +14,10 @@ from PIL import Image
 from scipy import ndimage
 
 from mitsonar import dataset, sweep
-from mitsonar.dataset.labels.annotations import HIGHLIGHT, annotations
-from mitsonar.dataset.labels.frames import frames
-from mitsonar.dataset.labels.pictures import grey
 from mitsonar.device.files import replacing
+from mitsonar.labels.annotations import HIGHLIGHT, annotations
+from mitsonar.labels.frames import frames
+from mitsonar.labels.pictures import grey
 from mitsonar.plots import canvas
 from mitsonar.plots.images.truth import BRIGHT, SHADOW_COLOUR, class_colours
 

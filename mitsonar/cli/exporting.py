@@ -1,5 +1,6 @@
 """The commands that write files for sidescan software, GIS and robots: raster, convert, mosaic, grid, bag."""
 import datetime
+import importlib
 import os
 import re
 
@@ -8,6 +9,7 @@ from .completion import add_file
 from .words import announce, warn
 
 RECORDS, PICTURE, GEOTIFFS = (".exr", ".nc"), ".png", (".tif", ".tiff")
+SIDESCANS = {".xtf": "mitsonar.io.xtf.xtf", ".jsf": "mitsonar.io.sidescan_lines.jsf_file"}     # modules that write
 NEEDED = ("x", "y", "depth", "valid", "uncertainty")
 LAYERS = ("depth", "count", "deviation", "uncertainty")
 
@@ -25,17 +27,17 @@ def add(commands: Commands) -> None:
                         help="number of the only frame to draw, from 0; default: all, in a PNG the first")
     raster.set_defaults(run=_raster)
 
-    convert = commands.add_parser("convert", help="convert sidescan images to XTF, EXR to netCDF and back, focused "
-                                                  "images to GeoTIFF, and any image to HDF5")
+    convert = commands.add_parser("convert", help="convert sidescan images to XTF or JSF, EXR to netCDF and back, "
+                                                  "focused images to GeoTIFF, and any image to HDF5")
     add_file(convert, "images", metavar="IN.exr", nargs="+",
-             help="EXR or netCDF; for XTF several frequencies of one track")
-    add_file(convert, "output", metavar="OUT.xtf|nc|exr|tif|h5", help="converted image")
-    add_gain(convert, "seabed", "gain over range in the samples of an XTF, whose scale is printed",
+             help="EXR or netCDF; for XTF and JSF several frequencies of one track")
+    add_file(convert, "output", metavar="OUT.xtf|jsf|nc|exr|tif|h5", help="converted image")
+    add_gain(convert, "seabed", "gain over range in the samples of an XTF or JSF, whose scale is printed",
              [name for name in GAINS if name != "recorder"])
     convert.add_argument("--start", metavar="DATE",
                          help="date of time 0, such as 2026-05-01T10:00:00Z; default: 1970")
     convert.add_argument("--coordinates", choices=("degrees", "metres"),
-                         help="unit of positions in an XTF; default: degrees if the coordinate system is known")
+                         help="unit of positions in an XTF or JSF; default: degrees if the coordinate system is known")
     convert.set_defaults(run=_convert)
 
     mosaic = commands.add_parser("mosaic", help="lay sidescan images on a map, as a GeoTIFF")
@@ -58,22 +60,23 @@ def add(commands: Commands) -> None:
     mosaic.add_argument("--epsg", type=whole, metavar="N", help="coordinate system; default: that of the first image")
     mosaic.set_defaults(run=_mosaic)
 
-    grid = commands.add_parser("grid", help="lay lines of soundings on a map, as a GeoTIFF")
-    add_file(grid, "lines", metavar="LINE", nargs="+", help=".nc, .gsf, .kmall or .all")
+    grid = commands.add_parser("grid", help="lay lines of soundings on a map, as a GeoTIFF, BAG or S-102")
+    add_file(grid, "lines", metavar="LINE", nargs="+", help=".nc, .gsf, .kmall, .all, .s7k, .xtf or .hsx")
     grid.add_argument("--cell", type=number, default=1.0, metavar="M", help="side of a cell; default: 1")
     grid.add_argument("--rule", default="mean", choices=("mean", "weighted", "shoalest"),
                       help="combination of the depths in a cell; weighted: by their uncertainties")
     grid.add_argument("--least", type=whole, default=1, metavar="N",
                       help="least number of soundings in a cell; default: 1")
-    grid.add_argument("--layer", default="depth", choices=LAYERS, help="quantity to write; default: depth")
+    grid.add_argument("--layer", default="depth", choices=LAYERS, help="quantity of a GeoTIFF; default: depth")
     grid.set_defaults(run=_grid)
-    for command in (mosaic, grid):
-        add_file(command, "-o", "--output", metavar="OUT.tif", required=True, help="map")
+    add_file(mosaic, "-o", "--output", metavar="OUT.tif", required=True, help="map")
+    add_file(grid, "-o", "--output", metavar="OUT.tif|bag|h5", required=True,
+             help="map; a BAG and an S-102 (.h5) hold depth and uncertainty")
 
     bag = commands.add_parser("bag", help="write records as a bag of ROS 2; or read a vehicle's bag: its track as that "
                                           "of a scene, its sonar's images as records")
     add_file(bag, "records", metavar="RECORD", nargs="+",
-             help="images or soundings (.exr, .nc), or recorded lines (.all, .kmall, .gsf); or one bag to read")
+             help="images or soundings (.exr, .nc), recorded lines (.all, .kmall, .gsf, .s7k, .xtf, .hsx); or one bag")
     add_file(bag, "-o", "--output", metavar="OUT.mcap|xml|nc|exr", required=True,
              help="bag; of a bag, a scene with its track (.xml, with --like) or its sonar's images (.nc, .exr)")
     bag.add_argument("--start", metavar="DATE",
@@ -114,9 +117,9 @@ def _raster(arguments):
 
 
 def _write_grey(dataset, path, cell):
-    from mitsonar.dataset.labels.frames import frames
-    from mitsonar.dataset.labels.pictures import greys, write_png
     from mitsonar.device.files import replacing
+    from mitsonar.labels.frames import frames
+    from mitsonar.labels.pictures import greys, write_png
 
     frame, = frames(dataset, "the record", "cartesian", cell)
     picture = greys(dataset, [frame]).draw(frame)
@@ -128,17 +131,17 @@ def _convert(arguments):
     from mitsonar.io import reading
     from mitsonar.io.records import hdf5
 
-    suffix = check_output(arguments.output, (".xtf", *RECORDS, *reading.GEOTIFF, *hdf5.SUFFIXES),
+    suffix = check_output(arguments.output, (*SIDESCANS, *RECORDS, *reading.GEOTIFF, *hdf5.SUFFIXES),
                           ". Lines of soundings are converted by `mitsonar soundings`.")
-    if suffix == ".xtf":
-        _write_xtf(arguments)
+    if suffix in SIDESCANS:
+        _write_sidescan(arguments, SIDESCANS[suffix])
         return
     if len(arguments.images) > 1:
         raise ValueError(f"{len(arguments.images)} images do not go into one {suffix[1:]} file; give one.")
     asked = [f"--{name}" for name, usual in (("tvg", "seabed"), ("start", None), ("coordinates", None))
              if getattr(arguments, name) != usual]
     if asked:
-        raise ValueError(f"{asked[0]} applies to XTF files only; leave it out.")
+        raise ValueError(f"{asked[0]} applies to XTF and JSF files only; leave it out.")
     reading.write(_image(arguments.images[0]), arguments.output)
     announce(arguments.output)
 
@@ -157,11 +160,21 @@ def _mosaic(arguments):
 def _grid(arguments):
     from mitsonar.hydrography.gridding import gridded
     from mitsonar.io import survey_lines
+    from mitsonar.io.grids import surfaces
 
-    check_output(arguments.output, GEOTIFFS)
+    suffix = check_output(arguments.output, (*GEOTIFFS, *surfaces.SUFFIXES))
+    if suffix in surfaces.SUFFIXES and arguments.layer != "depth":
+        raise ValueError(f"--layer chooses the quantity of a GeoTIFF, and {suffix} files hold depth and uncertainty; "
+                         "leave it out.")
     blocks = [block[[name for name in NEEDED if name in block]].assign_attrs(block.attrs)
               for path in arguments.lines for block in survey_lines.read_blocks(path, column=False)]
     chart = gridded(blocks, arguments.cell, rule=arguments.rule, least=arguments.least)
+    if suffix in surfaces.SUFFIXES:
+        remarks = surfaces.write(chart, arguments.output)
+        announce(arguments.output)
+        for remark in remarks:
+            warn(remark)
+        return
     if arguments.layer not in chart:
         raise ValueError(f"there is no {arguments.layer} without the rule weighted; give --rule weighted.")
     _write_map(chart[[arguments.layer]], arguments.output,
@@ -231,19 +244,19 @@ def _write_map(chart, path, without_crs):
         warn(without_crs)
 
 
-def _write_xtf(arguments):
-    from mitsonar.io.xtf import xtf
-
+def _write_sidescan(arguments, module):
     start = _seconds(arguments.start)
     images = [_image(path) for path in arguments.images]
     geographic = None if arguments.coordinates is None else arguments.coordinates == "degrees"
-    written = xtf.write(images, arguments.output, tvg=gain(arguments), start=start, geographic=geographic)
+    written = importlib.import_module(module).write(images, arguments.output, tvg=gain(arguments), start=start,
+                                                    geographic=geographic)
     announce(arguments.output)
     scales = "; ".join(scale.words() for scale in written.scales)
     full = f", {written.saturated} of them saturated" if written.saturated else ""
+    weights = "" if module == SIDESCANS[".xtf"] else " A sample of a JSF counts as n once multiplied by 2^-weight."
     warn(f"samples n at slant range R [m] are {scales}{full}; positions are in "
-         f"{'degrees' if written.geographic else 'metres'}; XTF has no room for {', '.join(written.left_out)}, "
-         "refraction and the scene: keep the image for them")
+         f"{'degrees' if written.geographic else 'metres'}; the file has no room for {', '.join(written.left_out)}, "
+         f"refraction and the scene: keep the image for them.{weights}")
 
 
 def _image(path):

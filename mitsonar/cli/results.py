@@ -1,10 +1,21 @@
-"""The commands that show and check results: plot, video, view, published, validate."""
+"""The commands that show and check results: plot, video, view, compare, published, validate."""
 import contextlib
 import importlib
 import os
 import sys
 
-from .arguments import Commands, add_gain, add_parameters, check_output, gain, number, parameters, set_up, whole
+from .arguments import (
+    Commands,
+    add_gain,
+    add_parameters,
+    check_output,
+    check_picture,
+    gain,
+    number,
+    parameters,
+    set_up,
+    whole,
+)
 from .completion import add_file
 from .progress import Progress
 from .words import announce
@@ -13,7 +24,8 @@ from .words import announce
 def add(commands: Commands) -> None:
     """Add the commands to the parser's."""
     plot = commands.add_parser("plot", help="draw an image, a line of soundings or a fit's answer")
-    add_file(plot, "image", metavar="IN.exr|nc|kmall|all|gsf", help="an image, a line of soundings or a fit's answer")
+    add_file(plot, "image", metavar="IN.exr|nc|kmall|all|gsf|s7k|xtf|hsx",
+             help="an image, a line of soundings or a fit's answer")
     plot.add_argument("--what", metavar="VIEW",
                       help="view of an image: waterfall (default), objects, ping, mean, labels, class, share, hidden, "
                            "shadow, layover, depth or rays, of an interferometric sidescan also phase, coherence, "
@@ -31,7 +43,7 @@ def add(commands: Commands) -> None:
 
     video = commands.add_parser("video", help="draw the pings of fans, or the water column of a line of soundings, as "
                                               "a GIF, an MP4 or PNG files")
-    add_file(video, "records", metavar="IN.exr|nc|kmall|all", nargs="+",
+    add_file(video, "records", metavar="IN.exr|nc|kmall|all|s7k", nargs="+",
              help="images of the same beams, in their order, or one line of soundings")
     add_file(video, "output", metavar="OUT", help="OUT.gif, OUT.mp4, or a folder for PNG files")
     video.add_argument("--fps", type=number, metavar="N",
@@ -57,6 +69,17 @@ def add(commands: Commands) -> None:
     view.add_argument("--no-browser", action="store_true", help="print the page's address only")
     view.set_defaults(run=_view)
 
+    compare = commands.add_parser("compare", help="compare a real record with a simulated one of the same line")
+    add_file(compare, "real", metavar="REAL",
+             help="line of soundings (.all, .kmall, .gsf, .nc), or a recorded sidescan (.xtf)")
+    add_file(compare, "simulated", metavar="SIMULATED",
+             help="soundings or image of a scene that `like` made, or the scene itself (.xml), which is sounded or "
+                  "rendered first")
+    add_file(compare, "-o", "--output", metavar="OUT.nc", help="terms of the comparison; default: print them alone")
+    add_file(compare, "--sheet", metavar="OUT.png|pdf|svg", help="sheet of all terms")
+    compare.add_argument("--seed", type=whole, default=0, metavar="N", help="random seed of a scene; default: 0")
+    compare.set_defaults(run=_compare)
+
     published = commands.add_parser("published", help="compute a table or figure of the published method again")
     published.add_argument("result", metavar="RESULT", help="table_1, effective_speed, figure_2 or figure_3")
     published.add_argument("-o", "--output", metavar="OUT.png|OUT.csv",
@@ -76,6 +99,8 @@ def _plot(arguments):
     with _opened(arguments.image) as dataset:
         if "parameters" in dataset.attrs and "predicted" in dataset:     # as Fit.to_dataset makes them
             return _plot_fit(arguments, dataset)
+        if dataset.attrs.get("kind") == "comparison":
+            return _plot_comparison(arguments, dataset)
         what = arguments.what or plots.usual_plot(dataset)
         output = arguments.output or f"{os.path.splitext(arguments.image)[0]}_{what}.png"
         plots.plot(dataset, what, output, tvg=gain(arguments), ping=arguments.ping, colours=arguments.colours,
@@ -84,20 +109,33 @@ def _plot(arguments):
 
 
 def _plot_fit(arguments, answer):
-    """Draw a fit's answer, which has only one view and no options."""
-    from mitsonar.plots.canvas import save
+    """Draw a fit's answer."""
     from mitsonar.plots.sheets.fit_sheet import fit_figure
+
+    _plot_only(arguments, "fit", "the answer of a fit", lambda: fit_figure(answer))
+
+
+def _plot_comparison(arguments, found):
+    """Draw a comparison."""
+    from mitsonar.plots.sheets.comparison_sheet import comparison_figure
+
+    _plot_only(arguments, "comparison", "a comparison", lambda: comparison_figure(found))
+
+
+def _plot_only(arguments, what, holds, figure):
+    """Draw the only view of a record, which has no options."""
+    from mitsonar.plots.canvas import save
 
     asked = {"--ping": arguments.ping is not None, "--bank": arguments.bank is not None,
              "--tvg": arguments.tvg != "recorder", "--colours": arguments.colours != "copper"}
-    if arguments.what not in (None, "fit"):
-        raise ValueError(f"{arguments.image} holds the answer of a fit, whose only plot is fit, and not "
-                         f"{arguments.what!r}; leave --what out.")
+    if arguments.what not in (None, what):
+        raise ValueError(f"{arguments.image} holds {holds}, whose only plot is {what}, and not {arguments.what!r}; "
+                         "leave --what out.")
     if any(asked.values()):
         needless = ", ".join(option for option, given in asked.items() if given)
-        raise ValueError(f"the picture of a fit has no {needless}; leave that out.")
-    output = arguments.output or f"{os.path.splitext(arguments.image)[0]}_fit.png"
-    save(fit_figure(answer), output)
+        raise ValueError(f"the picture of {holds.removeprefix('the answer of ')} has no {needless}; leave that out.")
+    output = arguments.output or f"{os.path.splitext(arguments.image)[0]}_{what}.png"
+    save(figure(), output)
     announce(output)
 
 
@@ -108,7 +146,7 @@ def _opened(path):
     from mitsonar.io.records import exr, netcdf
 
     if not is_netcdf(path):
-        yield _sounders_line(path) or exr.read(path)
+        yield _instruments_line(path) or exr.read(path)
         return
     import xarray as xr
 
@@ -121,19 +159,18 @@ def _opened(path):
         yield record
 
 
-def _sounders_line(path):
-    """Return the soundings of a file of an echo sounder or survey software, known by its first bytes, else None."""
+def _instruments_line(path):
+    """Return the soundings, sidescan or echogram of a file of an instrument or survey software, else None."""
     from mitsonar.device.files import EXR
 
     if not os.path.isfile(path):
         return None
     with open(path, "rb") as stream:
-        head = stream.read(8)
-    if head.startswith(EXR):                       # an EXR needs none of the imports below
-        return None
-    from mitsonar.io.survey_lines import reading
+        if stream.read(8).startswith(EXR):             # an EXR needs none of the imports below
+            return None
+    from mitsonar.io.reading import recorded
 
-    return None if reading.recognised(head) is None else reading.read(path)
+    return recorded(path)
 
 
 def _video(arguments):
@@ -142,7 +179,7 @@ def _video(arguments):
     with Progress("records", "drawing") as progress:
         records = arguments.records
         if len(records) == 1:
-            records = _sounders_line(records[0]) or records[0]
+            records = _instruments_line(records[0]) or records[0]
         plots.video(records, arguments.output, fps=arguments.fps, colours=arguments.colours,
                     tvg=gain(arguments), width=arguments.width, progress=progress)
     announce(arguments.output)
@@ -170,6 +207,28 @@ def _view(arguments):
         page.wait()
     finally:
         page.close()
+
+
+def _compare(arguments):
+    from mitsonar.comparison import compare
+    from mitsonar.io.records import netcdf
+
+    if arguments.output is not None:
+        check_output(arguments.output, (".nc",))
+    check_picture(arguments.sheet)
+    if arguments.simulated.lower().endswith(".xml"):
+        set_up(None)
+    found = compare(arguments.real, arguments.simulated, seed=arguments.seed)
+    print(found, flush=True)
+    if arguments.output is not None:
+        netcdf.write(found, arguments.output)
+        announce(arguments.output)
+    if arguments.sheet is not None:
+        from mitsonar.plots.canvas import save
+        from mitsonar.plots.sheets.comparison_sheet import comparison_figure
+
+        save(comparison_figure(found), arguments.sheet)
+        announce(arguments.sheet)
 
 
 def _published(arguments):

@@ -1,4 +1,4 @@
-"""The commands about lines of soundings: soundings, like."""
+"""The commands about recorded lines: soundings, like."""
 from __future__ import annotations
 
 import contextlib
@@ -17,7 +17,7 @@ from .words import announce, leave_if_interrupted, warn
 if TYPE_CHECKING:
     import xarray as xr
 
-LINES = (".all", ".gsf", ".kmall", ".kmwcd", ".nc", ".wcd")        # read as recorded lines, not as scenes
+LINES = (".all", ".gsf", ".hsx", ".kmall", ".kmwcd", ".nc", ".s7k", ".wcd", ".xtf")    # recorded, not scenes
 
 
 def add(commands: Commands) -> None:
@@ -25,15 +25,25 @@ def add(commands: Commands) -> None:
     command = commands.add_parser("soundings", help="sound the bed of a scene with its multibeam, or convert a line of "
                                                     "soundings")
     add_scene(command, ", or a recorded line")
-    add_file(command, "-o", "--output", required=True, metavar="OUT.nc|csv|gsf|kmall|las", help="soundings")
+    add_file(command, "-o", "--output", required=True, metavar="OUT.nc|csv|gsf|kmall|las|s7k", help="soundings")
     add_file(command, "--profile", metavar="CAST",
              help="file of the cast that reduces the soundings; default: the water's own")
     command.add_argument("--tide", metavar="FILE|M",
-                         help="tide that reduces soundings of a scene: a CSV file, or a water level [m], 0 for none; "
-                              "default: the water's own")
+                         help="tide that reduces soundings: a table, or a water level [m], 0 for none; default: the "
+                              "water's or the line's own")
+    command.add_argument("--separation", metavar="FILE|M",
+                         help="height of the vertical datum above the ellipsoid: a grid, such as a geoid, or a number "
+                              "[m]; default: that of the water or the line")
+    command.add_argument("--heights", choices=("tide", "gnss"), default=None,
+                         help="depths by draft, heave and tide, or by heights above the ellipsoid less the separation; "
+                              "default: tide")
+    add_file(command, "--navigation", metavar="FILE",
+             help="position, attitude and ellipsoid heights for a recorded line: SBET, POS MV, CSV or XTF")
+    add_file(command, "--heave", metavar="FILE", help="delayed heave for a recorded line: POS MV with groups 111")
     command.add_argument("--head-speed", type=number, metavar="M/S",
                          help="another sound speed at the head, for a recorded line")
-    command.add_argument("--column", action="store_true", help="keep the water column")
+    command.add_argument("--column", action="store_true",
+                         help="keep the water column, and the snippets of a recorded line")
     command.add_argument("--snippets", type=whole, default=0, metavar="N",
                          help="samples of the bed's backscatter strength to keep about each sounding; default: 0")
     command.add_argument("--start", metavar="DATE",
@@ -47,12 +57,14 @@ def add(commands: Commands) -> None:
                          help="estimate time and disk space from a few pings of a scene, and end")
     command.set_defaults(run=_soundings)
 
-    like = commands.add_parser("like", help="make a scene like a recorded line: its track, cast, sounder and bed")
-    add_file(like, "line", metavar="LINE.all|kmall|gsf", help="line of soundings")
+    like = commands.add_parser("like", help="make a scene like a recorded line of soundings, or of a sidescan: its "
+                                            "track, sonar and bed")
+    add_file(like, "line", metavar="LINE", help="line of soundings, or of a sidescan")
     add_file(like, "-o", "--output", required=True, metavar="SCENE.xml",
-             help="scene; its track, cast and bed are written beside it")
+             help="scene; its track, cast and bed are written beside it, of a sidescan the map of its strength")
     like.add_argument("--cell", type=number, metavar="M",
-                      help="cell of the bed's grid; default: by the density of soundings")
+                      help="cell of the bed's grid, or of the map of a sidescan; default: by the density of soundings "
+                           "or samples")
     like.add_argument("--pings", type=whole, metavar="N", help="number of first pings to use; default: all")
     like.set_defaults(run=_like)
 
@@ -76,8 +88,10 @@ def _soundings(arguments):
     warn("; ".join((f"{written.soundings} soundings of {written.pings} pings", *written.words, *words, *kept)))
 
 
-def tide_of(text: str) -> float | str:
-    """Return the water level [m] that a text states, or the text, the name of a file."""
+def level_of(text: str | None) -> float | str | None:
+    """Return the height [m] that a text states, or the text, the name of a file."""
+    if text is None:
+        return None
     try:
         return float(text)
     except ValueError:
@@ -122,6 +136,9 @@ def _line(arguments, place):
     """Yield the number of pings of a scene's line, and a function that yields its pings from a number on."""
     if arguments.head_speed is not None:
         raise ValueError("--head-speed applies to recorded lines; in a scene write head_speed_error of the sensor.")
+    for option in ("navigation", "heave"):
+        if getattr(arguments, option) is not None:
+            raise ValueError(f"--{option} applies to recorded lines; in a scene write the track of the sensor.")
     from mitsonar.io import survey_lines
 
     survey_lines.check_asked(place, arguments.start)
@@ -144,7 +161,8 @@ def _line(arguments, place):
 
 def _options(arguments):
     """Return the options of `mitsonar.soundings`."""
-    return {"profile": arguments.profile, "tide": None if arguments.tide is None else tide_of(arguments.tide),
+    return {"profile": arguments.profile, "tide": level_of(arguments.tide),
+            "separation": level_of(arguments.separation), "heights": arguments.heights or "tide",
             "sensor": arguments.sensor, "column": arguments.column, "snippets": arguments.snippets}
 
 
@@ -178,20 +196,20 @@ def _estimate(arguments, place):
 
 
 def _recorded(arguments, words):
-    """Yield the blocks of a recorded line, reduced again by the instrument's own rules if a cast or speed is given.
+    """Yield the blocks of a recorded line, reduced again by the instrument's own rules if something is changed.
 
     Remarks on the line and on the rules are appended to `words`.
     """
     given = [option for option, value in (("-D", arguments.parameters), ("--seed", arguments.seed),
                                           ("--sensor", arguments.sensor), ("--snippets", arguments.snippets),
                                           ("--threads", arguments.threads is not None),
-                                          ("--processes", arguments.processes != 1),
-                                          ("--tide", arguments.tide)) if value]
+                                          ("--processes", arguments.processes != 1)) if value]
     if given:
         raise ValueError(f"{given[0]} applies to scenes only, and {arguments.scene} is a recorded line; leave it out.")
     from mitsonar.hydrography.reduction.resounding import resounded
     from mitsonar.io import casts, survey_lines
     from mitsonar.planning.instrument_rules import rules_of
+    from mitsonar.planning.recorded.line_changes import changes
 
     if os.path.exists(arguments.output):
         for source in survey_lines.sources(arguments.scene):
@@ -199,16 +217,19 @@ def _recorded(arguments, words):
                 raise ValueError(f"{arguments.output} is the line itself, and the output may hold less than it; "
                                  "give another name.")
     profile = None if arguments.profile is None else casts.read(arguments.profile).profile
+    changed = changes(tide=level_of(arguments.tide), separation=level_of(arguments.separation), words=words,
+                      heights=arguments.heights, navigation=arguments.navigation, heave=arguments.heave)
     rules = None
     for block in survey_lines.read_blocks(arguments.scene, column=arguments.column):
-        if (left := block.attrs.get("left_out")) and left not in words:
-            words.append(left)
-        if profile is None and arguments.head_speed is None:
+        remarks = filter(None, map(block.attrs.get, ("left_out", "reduction")))
+        words.extend(remark for remark in remarks if remark not in words)
+        if profile is None and arguments.head_speed is None and not changed:
             yield block
             continue
         if rules is None:
             rules = rules_of(block)
             words.extend(rules.words)
+        block = changed.of(block)
         reduction = rules.arguments(block)
         if arguments.head_speed is not None:
             reduction |= {"head_speed": arguments.head_speed, "node": True}
@@ -216,12 +237,17 @@ def _recorded(arguments, words):
 
 
 def _like(arguments):
+    from mitsonar.device.files import check_readable
+    from mitsonar.io import sidescan_lines
     from mitsonar.planning.like_line import like
+    from mitsonar.planning.twins.like_sidescan import like_sidescan
 
     if arguments.cell is not None and not 0 < arguments.cell < 1e4:
         raise ValueError(f"--cell is {arguments.cell:g} m; give a number above 0, up to 10 000.")
     if arguments.pings is not None and arguments.pings < 2:
         raise ValueError(f"--pings is {arguments.pings}; a track takes two or more.")
-    for path in like(arguments.line, arguments.output, cell=arguments.cell, say=warn,
+    check_readable(arguments.line, "the line", "a recorded line")
+    make = like_sidescan if sidescan_lines.recognised(arguments.line) else like
+    for path in make(arguments.line, arguments.output, cell=arguments.cell, say=warn,
                      pings=None if arguments.pings is None else slice(0, arguments.pings)):
         announce(path)

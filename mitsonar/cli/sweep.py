@@ -25,44 +25,132 @@ def add(commands: Commands) -> None:
     sweep.add_argument("--workers", type=whole, metavar="N", help="start a Dask cluster of N workers here instead")
     sweep.add_argument("--scheduler", metavar="ADDRESS",
                        help="use a running Dask cluster instead; it can run any code as you")
+    sweep.add_argument("--part", metavar="K/N",
+                       help="make part K of N alone, here or on another machine; other parts may run at the same time")
+    sweep.add_argument("--merge", nargs="+", metavar="FOLDER",
+                       help="check the parts in these folders and join them in the folder of -o")
+    sweep.add_argument("--only", type=whole, metavar="INDEX",
+                       help="make render INDEX of the plan alone, as the EXR of -o, whatever the plan's product")
+    sweep.add_argument("--part-script", choices=("slurm", "kubernetes"),
+                       help="print a script that runs --parts parts under a batch system")
+    sweep.add_argument("--parts", type=whole, metavar="N", help="number of parts of --part-script")
     sweep.set_defaults(run=_sweep)
 
 
 def _sweep(arguments):
     from mitsonar.sweep.execute import run
     from mitsonar.sweep.local import shares
+    from mitsonar.sweep.parts import WHOLE, Part
     from mitsonar.sweep.plan import load_plan
 
+    _check_alone(arguments)
+    part = Part.of(arguments.part) if arguments.part else WHOLE
     plan = load_plan(arguments.plan)
+    if arguments.merge:
+        return _merge(plan, arguments)
+    if arguments.only is not None:
+        return _only(plan, arguments)
+    if arguments.part_script:
+        return _print_script(plan, arguments)
     if arguments.dry_run:
-        return _print_estimate(plan, arguments)
+        return _print_estimate(plan, part, arguments)
     at_once = arguments.workers or shares(arguments.processes, arguments.threads)[0]
     with Progress("renders", warm_up=at_once) as progress:
         outcome = run(plan, arguments.output, processes=arguments.processes, threads=arguments.threads,
                       workers=arguments.workers, scheduler=arguments.scheduler, verify=arguments.verify,
-                      progress=progress, say=warn)
+                      part=part, progress=progress, say=warn)
     took = datetime.timedelta(seconds=round(outcome.seconds))
     parts = [f"{outcome.done} rendered in {took}" if outcome.done or outcome.failed else "nothing to do",
              *([f"{outcome.kept} already there"] if outcome.kept else []),
              *([f"{outcome.redrawn} drawn again"] if outcome.redrawn else []),
              *([f"{outcome.failed} failed"] if outcome.failed else [])]
-    announce(f"{_count(outcome.total, 'render')}: {', '.join(parts)}")
+    of = "" if part.whole else f"part {part}, "
+    announce(f"{of}{_count(outcome.total, 'render')}: {', '.join(parts)}")
     for output, error in outcome.failures[:SHOWN]:
         warn(f"{output} failed: {error}")
     if outcome.failed > SHOWN:
         warn(f"and {outcome.failed - SHOWN} more; see the lines of the manifest with \"failed\"")
-    announce(os.path.join(outcome.folder, "manifest.jsonl"))
+    announce(outcome.manifest)
     return 1 if outcome.failed else 0
 
 
-def _print_estimate(plan, arguments):
+def _check_alone(arguments):
+    """Raise `ValueError` for options that make no sense together."""
+    given = [option for option, value in (
+        ("--dry-run", arguments.dry_run), ("--part", arguments.part), ("--merge", arguments.merge),
+        ("--only", arguments.only is not None), ("--part-script", arguments.part_script)) if value]
+    if len(given) > 1 and given != ["--dry-run", "--part"]:
+        raise ValueError(f"{given[0]} and {given[1]} were given together; leave one out.")
+    if (arguments.part_script is None) != (arguments.parts is None):
+        raise ValueError("--part-script needs the number of parts, and --parts is for it; give both, such as "
+                         "--part-script slurm --parts 200.")
+
+
+def _merge(plan, arguments):
+    from mitsonar.sweep.merging import merge
+
+    with Progress("renders") as progress:
+        merged = merge(plan, arguments.merge, arguments.output, progress=lambda done, total: progress(done, total, 0))
+    announce(f"{merged.joined} of {_count(merged.total, 'render')} joined")
+    if merged.missing:
+        warn(f"{_count(len(merged.missing), 'render')} missing: {_numbers(merged.missing)}")
+    for fault, numbers in _by_fault(merged.wrong).items():
+        warn(f"{_count(len(numbers), 'render')} left out, {fault}: {_numbers(numbers)}")
+    if merged.twice:
+        warn(f"{_count(len(merged.twice), 'render')} made twice with different bytes, of which the first is taken: "
+             f"{_numbers(merged.twice)}")
+    if len(merged.instruction_sets) > 1:
+        warn(f"the parts were made on machines of several instruction sets ({', '.join(merged.instruction_sets)}); on "
+             "one of them some bytes would differ, levels by rounding only")
+    announce(os.path.join(merged.folder, "manifest.jsonl"))
+    return 0 if merged.joined == merged.total else 1
+
+
+def _only(plan, arguments):
+    from mitsonar.device.files import checked_suffix
+    from mitsonar.sweep.execute import only
+
+    if not 0 <= arguments.only < len(plan):
+        raise ValueError(f"--only is {arguments.only}, and the plan makes {_count(len(plan), 'render')}; give a number "
+                         f"from 0 to {len(plan) - 1}.")
+    output = arguments.output or f"{arguments.only:06}.exr"
+    checked_suffix(output, (".exr",))
+    only(plan, arguments.only, output, threads=arguments.threads)
+    announce(output)
+    return 0
+
+
+def _by_fault(wrong):
+    """Return the numbers of renders by what is wrong with them."""
+    faults = {}
+    for number, fault in wrong:
+        faults.setdefault(fault, []).append(number)
+    return faults
+
+
+def _numbers(numbers):
+    """Return the first numbers of renders as text."""
+    return ", ".join(map(str, numbers[:SHOWN])) + (", ..." if len(numbers) > SHOWN else "")
+
+
+def _print_script(plan, arguments):
+    from mitsonar.sweep.estimate import estimate
+    from mitsonar.sweep.part_scripts import part_script
+
+    cost = estimate(plan, arguments.output, processes=1, threads=arguments.threads, say=warn)
+    announce(part_script(arguments.part_script, plan.path, cost.folder, parts=arguments.parts, renders=len(plan),
+                         seconds=cost.seconds, threads=arguments.threads).rstrip("\n"))
+    return 0
+
+
+def _print_estimate(plan, part, arguments):
     from mitsonar.sweep.estimate import estimate
     from mitsonar.sweep.execute import unplanned_said
 
     if arguments.scheduler is not None:
         raise ValueError("--dry-run estimates for this machine, not for the cluster of --scheduler; leave one out")
     cost = estimate(plan, arguments.output, processes=arguments.workers or arguments.processes,
-                    threads=arguments.threads, verify=arguments.verify, say=warn)
+                    threads=arguments.threads, verify=arguments.verify, part=part, say=warn)
     there = f"{cost.total - cost.missing} of them there" if cost.missing < cost.total else "none of them there yet"
     announce(f"{_count(cost.total, 'render')} into {cost.folder}, {there}"
              + (f", {cost.changed + cost.damaged} to be rendered again" if cost.changed + cost.damaged else ""))

@@ -9,8 +9,8 @@ from mitsonar.device.files import FilePath
 from mitsonar.imaging.focused import bin_dims
 from mitsonar.imaging.maps.raster import bearings, cartesian
 from mitsonar.io.records.records import SonarImage
+from mitsonar.labels.frames import FORMS, Form, LabelFrame, frames
 
-from .labels.frames import FORMS, Form, LabelFrame, frames
 from .labels.writing import groups_of
 from .sources import Source, class_order, find_sources, frames_of
 from .split import deal, read_shares
@@ -103,7 +103,7 @@ class Images:
 
         Returns
         -------
-        SonarImage, list of mitsonar.dataset.labels.frames.LabelFrame
+        SonarImage, list of mitsonar.labels.frames.LabelFrame
             The record, and a single frame if images are frames; otherwise a frame for each ping of an array.
         """
         source = self.sources[number]

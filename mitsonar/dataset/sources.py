@@ -16,8 +16,8 @@ from mitsonar.imaging.maps.raster import bearings
 from mitsonar.io.reading import is_netcdf
 from mitsonar.io.records import exr, netcdf
 from mitsonar.io.records.records import SonarImage
-from mitsonar.sweep import manifest
-from mitsonar.sweep.manifest import MANIFEST
+from mitsonar.sweep.manifest import read_all
+from mitsonar.sweep.parts import MANIFEST, manifests
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -138,10 +138,10 @@ def _image(record, path):
 
 def _finished(folder):
     """Return the finished files of a sweep, each with the order of classes of its plan."""
-    path = folder / MANIFEST
-    if not path.is_file():
+    listed = manifests(os.fspath(folder))
+    if not listed:
         raise ValueError(f"the folder {folder} holds no {MANIFEST}, so it is no sweep of mitsonar; give files by name.")
-    entries = manifest.read(path)[0]
+    entries, path = read_all(folder)[0], folder / listed[-1]
     done = [(folder / output, entry.classes) for output, entry in sorted(entries.items()) if entry.status == "ok"]
     paths = [path for path, _ in done]
     outside = [path for path in paths if not path.resolve().is_relative_to(folder.resolve())]

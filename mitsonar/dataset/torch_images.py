@@ -9,10 +9,9 @@ import torch.utils.data  # pyright: ignore[reportMissingImports]  optional depen
 
 from mitsonar.imaging.focused import bin_dims
 from mitsonar.imaging.maps.raster import LEVELS
+from mitsonar.labels.annotations import HIGHLIGHT, annotations
+from mitsonar.labels.frames import LabelFrame
 from mitsonar.units import NOTHING_DB
-
-from .labels.annotations import HIGHLIGHT, annotations
-from .labels.frames import LabelFrame
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -48,13 +48,14 @@ def gridded(lines: xr.Dataset | Sequence[xr.Dataset], cell: float, *, rule: Rule
     xarray.Dataset
         ``depth`` over (y, x) from north to south, NaN in cells with fewer than `least` soundings; ``count``,
         ``deviation`` and, for the weighted rule, ``uncertainty``. Coordinates are the cells' middles [m]. Attributes:
-        ``crs``, ``cell``, ``origin``, ``rule``. `mitsonar.io.records.geotiff.write` takes one variable:
-        ``grid[["depth"]]``.
+        ``crs``, ``cell``, ``origin``, ``rule`` and, if the lines have them, ``vertical_datum`` and ``start``.
+        `mitsonar.io.records.geotiff.write` takes one variable: ``grid[["depth"]]``.
 
     Raises
     ------
     ValueError
-        If there are no soundings, too many cells, two systems, no uncertainties to weight with, or a bad number.
+        If there are no soundings, too many cells, two systems or vertical datums, no uncertainties to weight with, or a
+        bad number.
     """
     lines = [lines] if isinstance(lines, xr.Dataset) else list(lines)
     _check(lines, cell, rule, least)
@@ -82,7 +83,8 @@ def gridded(lines: xr.Dataset | Sequence[xr.Dataset], cell: float, *, rule: Rule
         if rule == "weighted":
             layers["uncertainty"] = weight**-0.5
     return _chart(grid, {name: np.where(number >= least, layer, np.nan) for name, layer in layers.items()}, number,
-                  {"crs": lines[0].attrs.get("crs"), "origin": _origin(lines[0]), "cell": float(cell), "rule": rule})
+                  {"crs": lines[0].attrs.get("crs"), "origin": _origin(lines[0]), "cell": float(cell), "rule": rule}
+                  | {name: lines[0].attrs[name] for name in ("vertical_datum", "start") if lines[0].attrs.get(name)})
 
 
 def residual(grid: xr.Dataset, bed: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> xr.DataArray:
@@ -123,7 +125,7 @@ def _covering(bounds: tuple[float, float, float, float], cell: float) -> MapGrid
 
 def _chart(grid: MapGrid, layers: dict[str, np.ndarray], number: np.ndarray, attrs: dict) -> xr.Dataset:
     """Return the layers as a map."""
-    words = {"depth": "below the still surface, positive down",
+    words = {"depth": f"below {attrs.get('vertical_datum', 'the still surface')}, positive down",
              "deviation": "of the soundings in a cell, about their mean",
              "uncertainty": "of the depth, standard deviation"}
     variables: dict[str, tuple] = {
@@ -184,3 +186,7 @@ def _check(lines: list[xr.Dataset], cell: float, rule: str, least: int) -> None:
     systems = {line.attrs.get("crs") for line in lines}
     if len(systems) > 1:
         raise ValueError(f"lines in {' and '.join(sorted(map(str, systems)))} cannot be on one grid; give one system.")
+    datums = {line.attrs.get("vertical_datum") for line in lines}
+    if len(datums) > 1:
+        raise ValueError(f"depths below {' and '.join(sorted(str(datum or 'an unnamed datum') for datum in datums))} "
+                         "cannot be on one grid; give lines of one vertical datum.")

@@ -9,6 +9,12 @@ frame: x forward, y starboard, z down. Positions of the arrays are lever arms fr
 ``motion_x``, ``motion_y``, ``motion_depth``. Across and along track distances are from the reference point at the
 transmission, along its heading.
 
+Heights count upwards from the ellipsoid WGS 84. `ping_height` is that of the reference point, waves and tide included;
+`separation` is that of the vertical datum at the same place: the reference point is ``separation - ping_height`` below
+the datum. Attribute ``vertical_datum`` names the datum; ``heights`` is "gnss" where depths were reduced by
+`ping_height` and `separation`, and "tide" or absent where by heave, draft and tide. With "gnss", `tide` is the water
+level that follows, ``ping_height - separation`` plus the depth of the reference point below the surface.
+
 A sounding is the intersection of two cones at a travel time:
 
     sin(transmit_angle) = a_t·l_t        sin(angle) = a_r·l_r
@@ -62,7 +68,15 @@ VARIABLES = RecordTable([
           ("head_sound_speed", "f8", "m/s", "at the arrays, by the head's own sensor")),
     *rows("ping", _PING, False,
           ("tide", "f8", "m", "water level above the datum, by which depths below the surface were reduced"),
-          ("true_tide", "f8", "m", "water level above the datum, as the echoes met it")),
+          ("true_tide", "f8", "m", "water level above the datum, as the echoes met it"),
+          ("ping_height", "f8", "m", "reference point above the ellipsoid, as satellites place it"),
+          ("separation", "f8", "m", "vertical datum above the ellipsoid, as used"),
+          ("true_separation", "f8", "m", "vertical datum above the ellipsoid, where the bed truly lies below it")),
+    *rows("ping", _PING, False,
+          ("normal_incidence_db", "f8", "dB re 1", "strength at normal incidence that angle corrections assume: BSn"),
+          ("oblique_incidence_db", "f8", "dB re 1", "at oblique incidence, without Lambert's law: BSo"),
+          ("crossover_angle", "f8", "rad", "incidence between the two"),
+          ("written_gain_db", "f8", "dB", "gain step of the operator, in written strengths")),
     *rows("ping", _PING, False, ("head", "i4", "1", "number of the receiving head where there are several")),
     *rows("sector", _SECTOR, True,
           ("sector_frequency", "f8", "Hz", "middle of the band"),
@@ -91,6 +105,8 @@ VARIABLES = RecordTable([
           ("uncertainty", "f4", "m", "of the depth, standard deviation"),
           ("horizontal_uncertainty", "f4", "m", "of x and y, standard deviation of the distance"),
           ("backscatter_db", "f4", "dB re 1", "bottom backscattering strength; attrs say the corrections"),
+          ("written_backscatter_db", "f4", "dB re 1", "backscatter_db as the instrument writes it: with its angle "
+                                                      "correction and with written_error_db"),
           ("grazing", "f4", "rad", "at the bed, were it level")),
     *rows("truth", _BEAM, False,
           ("true_depth", "f8", "m", "of the bed at x, y"),
@@ -99,6 +115,8 @@ VARIABLES = RecordTable([
           ("error_refraction", "f8", "m", "by the profile and the head's sound speed used"),
           ("error_motion", "f8", "m", "by what the motion sensors say and where arrays are said to be"),
           ("error_tide", "f8", "m", "by the tide used"),
+          ("error_separation", "f8", "m", "by the separation used"),
+          ("written_error_db", "f4", "dB", "in written strengths, by what the instrument assumes, and by gain steps"),
           ("footprint_across", "f4", "m", "of the beam, -3 dB, or of the pulse where that is shorter"),
           ("footprint_along", "f4", "m", "of the transmitted beam, -3 dB"),
           ("label", "u4", "1", "instance that most of the echo at the sounding is of; 0 none"),
@@ -112,11 +130,13 @@ VARIABLES = RecordTable([
           ("column_start", "f8", "s", "of the first sample, after the sector's transmission"),
           ("column_rate", "f8", "Hz", "samples a second")),
     *rows("column", ("ping", "column_beam", "column_sample"), False,
-          ("column_level_db", "f4", "dB re 1 µPa", "echo level; NaN where there is no sample")),
+          ("column_level_db", "f4", "dB re 1 µPa", "echo level; NaN where there is no sample"),
+          ("column_recorded_db", "f4", "dB re 1 µPa", "level of the counts that the instrument writes, without gain")),
     *rows("snippet", _PING, False, ("snippet_rate", "f8", "Hz", "samples of snippets a second")),
     *rows("snippet", _BEAM, False, ("snippet_start", "f8", "s", "of the first sample, as of travel_time")),
     *rows("snippet", ("ping", "beam", "snippet_sample"), False,
-          ("snippet_db", "f4", "dB re 1", "backscattering strength sample by sample; NaN where there is none")),
+          ("snippet_db", "f4", "dB re 1", "backscattering strength sample by sample; NaN where there is none"),
+          ("written_snippet_db", "f4", "dB re 1", "snippet_db as the instrument writes it")),
 ])
 
 

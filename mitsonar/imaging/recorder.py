@@ -148,6 +148,9 @@ class Electronics:
     """Noise, line of the transmission, stripes and interference; powers are shares of full scale."""
 
     noise: float = 0.0  # of each row
+    noise_edge_db: float = 0.0  # [dB]: more of it in the outermost rows, by the square of the row from the middle
+    noise_rows_db: float = 0.0  # [dB]: rms of the rows' noises
+    noise_ranges_db: float = 0.0  # [dB]: rms of the noises of samples at fixed ranges
     common_noise: float = 0.0  # of all rows alike
     crosstalk: float = 0.0  # share of the rows' mean power in every row
     line: float = 0.0  # of the transmission at range zero
@@ -163,6 +166,15 @@ class Electronics:
         for name, value in vars(self).items():
             if not 0 <= value < np.inf:
                 raise ValueError(f"{name} of the recorder is {value:g}; give a finite number of 0 or more.")
+
+    def row_noise(self, rows: int, samples: int, random: np.random.Generator) -> np.ndarray | None:
+        """Return the noise (B, S) of an instrument's rows and samples over `noise`, in power; None where all are 1."""
+        if not (self.noise_edge_db or self.noise_rows_db or self.noise_ranges_db):
+            return None
+        edge = self.noise_edge_db * np.linspace(-1, 1, rows) ** 2 if rows > 1 else np.zeros(1)
+        more = (edge + self.noise_rows_db * random.standard_normal(rows))[:, None] + (
+            self.noise_ranges_db * random.standard_normal(samples))
+        return (10 ** (more / 10)).astype(np.float32)
 
     def transmission(self, time: np.ndarray) -> np.ndarray:
         """Return the power e² of the transmission at times [s] after its beginning."""

@@ -68,6 +68,8 @@ class PingRecorder:
         of_samples = gains(recorder.gain.over(slant_range) - converter.full_scale_db
                            + electronics.stripe_db * instrument.standard_normal(samples))
         formed = formed_rows(rows, recorder.interpolation)
+        uneven = electronics.row_noise(rows, samples, instrument)
+        uneven = None if uneven is None else uneven[formed]
         factor = of_rows[formed, None] * of_samples                                                     # (F, S)
         line = electronics.transmission(time).astype(np.float32)
         numbers, starts = np.atleast_1d(image["ping"].values), np.atleast_1d(image["ping_time"].values)
@@ -76,21 +78,22 @@ class PingRecorder:
             random = np.random.default_rng([ping_key(self._seed, int(number)), Salt.RECORDER])
             fault, gain_db = random.random(), recorder.faults.gain_db * random.standard_normal()
             amplitude = np.exp2(levels[formed] * (LOG2_10 / 20)) * factor
-            into[:] = self._ping(amplitude, formed, line, electronics.interfering(start + time), fault, gain_db, random)
+            into[:] = self._ping(amplitude, formed, line, electronics.interfering(start + time), fault, gain_db, random,
+                                uneven)
         return counts
 
     def _ping(self, amplitude: np.ndarray, formed: np.ndarray, line: np.ndarray, interference: np.ndarray,
-              fault: float, gain_db: float, random: np.random.Generator) -> np.ndarray:
+              fault: float, gain_db: float, random: np.random.Generator, uneven: np.ndarray | None) -> np.ndarray:
         """Return the counts (B, S) of the amplitudes (F, S) of a ping's formed rows (F,).
 
-        They are 1 at full scale, and `fault` is uniform in [0, 1).
+        They are 1 at full scale, `fault` is uniform in [0, 1), and `uneven` (F, S) is a share of the rows' noise.
         """
         recorder = self._recorder
         faults = recorder.faults
         bright = faults.lost + faults.repeated <= fault < faults.lost + faults.repeated + faults.bright
         if gain_db or bright:
             amplitude *= gains([gain_db + faults.bright_db * bright])[0]
-        power = _with_noise(recorder.electronics, np.nan_to_num(amplitude, copy=False), interference, random)
+        power = _with_noise(recorder.electronics, np.nan_to_num(amplitude, copy=False), interference, random, uneven)
         detected = recorder.detector.smoothed(recorder.detector.detected(power + line))
         if (share := np.float32(recorder.detector.along_track)) and self._detected is not None:
             detected = (1 - share) * detected + share * self._detected
@@ -193,16 +196,18 @@ def _gain(settings: Mapping[str, Any]) -> TimeVariedGain:
 
 
 def _with_noise(electronics: Electronics, amplitude: np.ndarray, interference: np.ndarray,
-                random: np.random.Generator) -> np.ndarray:
+                random: np.random.Generator, uneven: np.ndarray | None) -> np.ndarray:
     """Return the powers (B, S) of amplitudes with the noise of rows, crosstalk, and what all rows have in common."""
     common = np.sqrt(0.5 * (electronics.common_noise + interference)).astype(np.float32)                # (S,)
     own = np.full(amplitude.shape[1], electronics.noise, np.float32)
+    if uneven is not None:
+        own = own * uneven
     if electronics.crosstalk:
-        own += np.float32(electronics.crosstalk) * np.mean(amplitude ** 2, 0)
+        own = own + np.float32(electronics.crosstalk) * np.mean(amplitude ** 2, 0)
     real, imaginary = amplitude, None
     for noise, rows in ((common, 1), (np.sqrt(np.float32(0.5) * own), len(amplitude))):
         if noise.any():
-            drawn = random.standard_normal((2, rows, noise.size), np.float32)
+            drawn = random.standard_normal((2, rows, amplitude.shape[1]), np.float32)
             drawn *= noise
             real, imaginary = real + drawn[0], drawn[1] if imaginary is None else imaginary + drawn[1]
     return real * real if imaginary is None else real * real + imaginary * imaginary

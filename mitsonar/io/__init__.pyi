@@ -1,4 +1,12 @@
-from . import casts as casts, reading as reading, survey_lines as survey_lines, tracks as tracks, xtf as xtf
+from . import (
+    casts as casts,
+    echo_sounder_lines as echo_sounder_lines,
+    reading as reading,
+    sidescan_lines as sidescan_lines,
+    survey_lines as survey_lines,
+    tracks as tracks,
+    xtf as xtf,
+)
 from .bags import bag as bag
 from .grids import bathymetry as bathymetry, raster_files as raster_files, soundings as soundings
 from .reading import read as read, write as write

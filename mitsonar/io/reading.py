@@ -1,4 +1,4 @@
-"""Read any file of mitsonar, or a line of soundings, by content; write images, signals and soundings by suffix."""
+"""Read files of mitsonar, lines of soundings and sidescans by content; write images, signals, soundings by suffix."""
 import json
 import os
 
@@ -18,25 +18,28 @@ ZARR = ("zarr.json", ".zmetadata", ".zgroup")
 LARGEST_JSON = 10 ** 9             # bytes; text takes some ten times as much once it is read
 GEOTIFF = (".tif", ".tiff")
 IMAGES = (".exr", ".nc", *hdf5.SUFFIXES, *GEOTIFF)       # of focused images
-KINDS = (".exr (images), .nc (images, signals, soundings), .h5, .tif (focused images), .gsf, .kmall, .csv, .las "
-         "(soundings)")
+KINDS = (".exr (images), .nc (images, signals, soundings), .h5, .tif (focused images), .gsf, .kmall, .s7k, .csv, "
+         ".las (soundings)")
 
 
 def read(path: FilePath) -> SonarImage | SonarSignals | dict | list | np.ndarray | xr.Dataset:
-    """Read a file that mitsonar wrote, or a line of soundings.
+    """Read a file that mitsonar wrote, a line of soundings or a recorded sidescan.
 
     Parameters
     ----------
     path : str or path
         An EXR, a netCDF file, a Zarr folder, JSON or lines of JSON (annotations, splits, manifests) or PNG (masks); a
-        survey line (.all, .wcd, .kmall, .kmwcd, .gsf), of which `io.survey_lines.reading` also reads parts.
+        survey line (.all, .wcd, .kmall, .kmwcd, .gsf, .s7k, .xtf, .hsx), of which `io.survey_lines.reading` also reads
+        parts;
+        a recorded sidescan (.xtf, .jsf, .sdf), of which `io.sidescan_lines` also reads parts;
+        an echo sounder's .raw file, of which `io.echo_sounder_lines` also reads other channels and parts.
 
     Returns
     -------
     SonarImage, SonarSignals, dict, list or numpy.ndarray
         Images are an `xarray.Dataset`, signals an `xarray.DataArray`, pictures (row, column) or (row, column, channel).
     xarray.Dataset
-        Survey line, as `hydrography.record` describes it.
+        Survey line, as `hydrography.record` describes it, or sidescan, as `io.sidescan_lines.record` does.
 
     Raises
     ------
@@ -45,8 +48,6 @@ def read(path: FilePath) -> SonarImage | SonarSignals | dict | list | np.ndarray
     ValueError
         If it is of another kind, damaged, or was not written by mitsonar.
     """
-    from .survey_lines import reading as survey_lines
-
     if os.path.isdir(path):
         return _zarr(path)
     check_readable(path, wanted="a file that mitsonar wrote, or a survey line")
@@ -60,10 +61,24 @@ def read(path: FilePath) -> SonarImage | SonarSignals | dict | list | np.ndarray
         return _picture(path)
     if os.path.splitext(path)[1] in (".json", ".jsonl"):
         return _json(path)
-    if survey_lines.recognised(head):
-        return survey_lines.read(path)
-    raise ValueError(f"cannot read {path}: it is no EXR, netCDF, JSON, PNG or survey line; give a file that mitsonar "
-                     "wrote, or an .all, .kmall or .gsf file.")
+    if (line := recorded(path)) is not None:
+        return line
+    raise ValueError(f"cannot read {path}: it is no EXR, netCDF, JSON, PNG or survey line; give a file that "
+                     "mitsonar wrote, or a line of a sounder or a sidescan.")
+
+
+def recorded(path: FilePath) -> xr.Dataset | None:
+    """Return what an instrument or survey software recorded in a file, recognised by its content; None for others."""
+    from . import echo_sounder_lines, sidescan_lines
+    from .survey_lines import reading as survey_lines
+
+    with open(path, "rb") as stream:
+        head = stream.read(HEAD)
+    if sidescan_lines.recognised(path):
+        return sidescan_lines.read(path)
+    if echo_sounder_lines.recognised(head):
+        return echo_sounder_lines.read(path)
+    return survey_lines.read(path) if survey_lines.recognised(head) else None
 
 
 def is_netcdf(path: FilePath) -> bool:
@@ -83,7 +98,7 @@ def write(record: xr.Dataset | xr.DataArray, path: FilePath) -> None:
         Result of a function of mitsonar, or of xarray applied to it.
     path : str or path
         Ending in .exr (images), .nc (images, signals and soundings), .h5 (any dataset), .tif (focused images), or .gsf,
-        .kmall, .csv, .las (soundings; `io.survey_lines.write` also reports what such a file cannot hold).
+        .kmall, .s7k, .csv, .las (soundings; `io.survey_lines.write` also reports what such a file cannot hold).
 
     Raises
     ------
@@ -93,8 +108,12 @@ def write(record: xr.Dataset | xr.DataArray, path: FilePath) -> None:
         If the file cannot be written there.
     """
     from . import survey_lines
+    from .sidescan_lines.record import is_recorded
 
     suffix = os.path.splitext(path)[1].lower()
+    if suffix in (".exr", *GEOTIFF) and isinstance(record, xr.Dataset) and is_recorded(record):
+        raise ValueError(f"cannot write {path}: a recorded sidescan is no image; give a name that ends in .nc, or "
+                         "write what sidescan_lines.as_image makes of it.")
     if suffix in (*hdf5.SUFFIXES, *GEOTIFF):
         _write_image(record, path, suffix)
     elif suffix == ".nc":

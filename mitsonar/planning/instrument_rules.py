@@ -67,12 +67,10 @@ class InstrumentRules:
 
 
 def rules_of(soundings: xr.Dataset) -> InstrumentRules:
-    """Estimate the rules by which a line was reduced."""
-    last = soundings["ping_time"].values + np.nanmax(
-        np.where(soundings["valid"].values, soundings["travel_time"].values, 0.0), axis=1, initial=0.0)
-    time = soundings["motion_time"].values
-    usable = np.flatnonzero((soundings["ping_time"].values >= time[0]) & (last <= time[-1])
-                            & (soundings["valid"].values.sum(1) >= FEWEST))
+    """Estimate the rules by which a line was reduced; places by mitsonar are by its own rules, without residuals."""
+    if "reduction" in soundings.attrs:
+        return InstrumentRules(residual={})
+    usable = under_record(soundings)
     if usable.size:
         usable = np.unique(usable[np.linspace(0, usable.size - 1, MOST_PINGS).astype(int)])
     examined = soundings.isel(ping=usable)
@@ -86,6 +84,15 @@ def rules_of(soundings: xr.Dataset) -> InstrumentRules:
     node |= residual[node, under_way] > ALIKE * residual[True, under_way]
     under_way |= residual[node, under_way] > ALIKE * residual[node, True]
     return InstrumentRules(node=node, under_way=under_way, residual=residual)
+
+
+def under_record(soundings: xr.Dataset) -> np.ndarray:
+    """Return the pings with enough soundings whose motion was recorded from transmission to the last echo."""
+    last = soundings["ping_time"].values + np.nanmax(
+        np.where(soundings["valid"].values, soundings["travel_time"].values, 0.0), axis=1, initial=0.0)
+    time = soundings["motion_time"].values
+    return np.flatnonzero((soundings["ping_time"].values >= time[0]) & (last <= time[-1])
+                          & (soundings["valid"].values.sum(1) >= FEWEST))
 
 
 def time_residuals(soundings: xr.Dataset, node: bool, under_way: bool) -> list[tuple[np.ndarray, np.ndarray]]:

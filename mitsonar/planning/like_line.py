@@ -31,13 +31,16 @@ from mitsonar.io.survey_lines.assembly import LineCast
 from mitsonar.io.survey_lines.motion import smoothed
 from mitsonar.io.survey_lines.places import across_and_along, levelled
 from mitsonar.sonar.preset_tables import classes
-from mitsonar.units import deg_from_radians
+from mitsonar.units import db_from_power, deg_from_radians, power_from_db
 
 from .instrument_rules import rules_of
 from .like_settings import Settings, settings_of
 
 MOST_CELLS = 4_000_000
-ANGLES = np.arange(10.0, 90.1, 2.5)                    # [degrees]: grazing angles of the strength table
+WIDE, NARROW = 1.25, 0.5                               # [degrees] about a grazing angle of the strength table
+ANGLES = ([(angle, (WIDE,)) for angle in np.arange(10.0, 79.0, 2.5)]          # with their widths; near nadir strengths
+          + [(angle, (NARROW, WIDE)) for angle in np.arange(80.0, 90.1)])     # may change by 3 dB a degree
+SLOPED = 0.1                                           # of the depth: width over which the bed's slope is measured
 FEWEST = 10                                            # soundings per strength
 LOUDEST_DB, QUIETEST_DB = -4.0, -70.0                  # limits of a bed strength
 BEYOND = 0.25                                          # share of the depth by which the bed exceeds the soundings
@@ -62,7 +65,7 @@ def like(line: FilePath, scene: FilePath, *, cell: float | None = None,     # [m
     soundings = reading.read(line, pings=pings, water_column=False)
     _check(soundings, line)
     settings = settings_of(soundings, classes("multibeam"))
-    rules, strengths = rules_of(soundings), _strengths(soundings)
+    rules, strengths = rules_of(soundings), _strengths(soundings.isel(ping=list(settings.chosen)))
     track, smoothing = _track(soundings, settings.ping_rate)
     words = (*settings.words, *(text for text in (str(soundings.attrs.get("left_out", "")), smoothing) if text),
              *rules.words, NOT_TAKEN)
@@ -188,19 +191,43 @@ def _bed(soundings: xr.Dataset, cell: float | None) -> xr.Dataset:
 
 
 def _strengths(soundings: xr.Dataset) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return grazing angles [degrees] and the median strength [dB] near each, or None without enough echoes."""
+    """Return grazing angles [degrees] and the strength [dB] near each, or None without enough echoes.
+
+    It is that of the mean intensity, as a law's is: soundings of few looks have a median some decibels lower.
+    """
     if "backscatter_db" not in soundings:
         return None
     level = soundings["backscatter_db"].values
-    grazing = 90.0 - np.abs(deg_from_radians(np.arctan2(
-        soundings["across_track"].values, soundings["depth"].values - soundings["ping_depth"].values[:, None])))
+    incidence = np.arctan2(soundings["across_track"].values,
+                           soundings["depth"].values - soundings["ping_depth"].values[:, None])
+    grazing = 90.0 - np.abs(deg_from_radians(incidence + np.arctan(_slopes(soundings))))
     usable = np.isfinite(level) & np.isfinite(grazing)
-    rows = [(angle, np.median(level[near])) for angle in ANGLES
-            if (near := usable & (np.abs(grazing - angle) <= 1.25)).sum() >= FEWEST]
+    rows = [(angle, db_from_power(np.mean(power_from_db(level[near])))) for angle, widths in ANGLES if (near := next((
+        within for width in widths if (within := usable & (np.abs(grazing - angle) <= width)).sum() >= FEWEST), None)
+        ) is not None]
     if len(rows) < 3:
         return None
     angles, strengths = np.array(rows).T
     return angles, np.clip(strengths, QUIETEST_DB, LOUDEST_DB)
+
+
+def _slopes(soundings: xr.Dataset) -> np.ndarray:
+    """Return the slope of the bed across the track (ping, beam), down to starboard, smoothed; 0 where it is unknown."""
+    slopes = np.zeros(soundings["depth"].shape)
+    across, depth = soundings["across_track"].values, soundings["depth"].values
+    for ping, valid in enumerate(soundings["valid"].values & np.isfinite(across) & np.isfinite(depth)):
+        if valid.sum() < FEWEST:
+            continue
+        order = np.argsort(across[ping, valid])
+        at, below = across[ping, valid][order], depth[ping, valid][order]
+        half = SLOPED * np.median(below)
+        edges = np.linspace(at[0], at[-1], 2 + int(np.ptp(at) / half))
+        middle, count = np.histogram(at, edges, weights=at)[0], np.histogram(at, edges)[0]
+        mean, known = np.histogram(at, edges, weights=below)[0], count > 0
+        if known.sum() > 1:
+            x, z = middle[known] / count[known], mean[known] / count[known]
+            slopes[ping, valid] = np.interp(across[ping, valid], x, np.gradient(z, x))
+    return slopes
 
 
 def _scene(soundings: xr.Dataset, settings: Settings, files: dict[str, str], line: str, notes: Sequence[str],

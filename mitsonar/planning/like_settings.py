@@ -24,6 +24,7 @@ class Settings:
     ping_rate: float  # [Hz]
     rows: tuple[tuple[str, str, str], ...]  # tag, name and value of XML elements
     head_depth: float  # [m]: mean depth of the transmit array
+    chosen: tuple[int, ...]  # pings of the mode that the scene takes
     words: tuple[str, ...] = ()  # clauses on the differences between line and scene
 
 
@@ -34,8 +35,9 @@ def settings_of(soundings: xr.Dataset, presets: Mapping[str, Mapping[str, Any]])
     """
     modes = Counter(_mode(soundings, ping) for ping in np.flatnonzero(soundings["valid"].values.any(1)))
     mode = modes.most_common(1)[0][0] if modes else ()
-    chosen = soundings.isel(ping=[ping for ping in range(soundings.sizes["ping"])
-                                  if soundings["valid"].values[ping].any() and _mode(soundings, ping) == mode])
+    numbers = tuple(ping for ping in range(soundings.sizes["ping"])
+                    if soundings["valid"].values[ping].any() and _mode(soundings, ping) == mode)
+    chosen = soundings.isel(ping=list(numbers))
     preset = _nearest(mode, presets)
     offset, heads = soundings["transmit_offset"].values, "head" in soundings
     mountings = soundings["head_receive_mounting" if heads else "receive_mounting"].values.reshape(-1, 3)
@@ -63,7 +65,7 @@ def settings_of(soundings: xr.Dataset, presets: Mapping[str, Mapping[str, Any]])
         rows.append(("float", "swath_step_deg", f"{2 * deg_from_radians(float(np.std(along))):.4g}"))
     rate = (sent.size - 1) / max(sent[-1] - sent[0], 1e-3) if sent.size > 1 else 1.0
     return Settings(preset=preset, pings=sent.size, ping_rate=float(rate), rows=tuple(rows), head_depth=depth,
-                    words=tuple(_words_on(modes, swaths, mountings)))
+                    chosen=numbers, words=tuple(_words_on(modes, swaths, mountings)))
 
 
 def _words_on(modes, swaths, mountings):
@@ -75,7 +77,8 @@ def _words_on(modes, swaths, mountings):
     elif others:
         left = "; ".join(_kilohertz(other) for other, _ in others)
         yield (f"the line has pings of {1 + len(others)} modes; the scene takes the mode of {count} of {modes.total()} "
-               f"pings, {_kilohertz(mode)}, and leaves out {left}; the bed and its strengths use all pings")
+               f"pings, {_kilohertz(mode)}, and leaves out {left}; the bed uses all pings, its strengths those of this "
+               "mode")
     if len(mountings) > 1:
         turned = " and ".join(f"{angle:.1f}" for angle in deg_from_radians(mountings[:, 0]))
         yield (f"{len(mountings)} receive arrays, rolled by {turned} degrees, became one level array between them "

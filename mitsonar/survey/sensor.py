@@ -13,6 +13,7 @@ import numpy as np
 from mitsonar.imaging.recorder import Recorder
 from mitsonar.io.casts import Cast
 from mitsonar.io.casts.series import PlacedCast
+from mitsonar.io.grids.separation import Separation
 from mitsonar.io.tracks.tides import Tide
 from mitsonar.scene import materials
 from mitsonar.scene.geometry import Geometry
@@ -44,6 +45,8 @@ class Water(Protocol):
     field: UnplacedField | None  # sound speed that changes across, beside the profile
     field_bending: float  # [s]: bending above which a warning is given
     tide: Tide | None  # None: the water level is z = 0
+    separation: Separation | None  # height of z = 0 above the ellipsoid; None: unknown
+    vertical_datum: str  # name of z = 0
 
     def absorption_column(self, frequency: float, cast: Cast | None = None) -> AbsorptionColumn:
         """Return the absorption against depth at one frequency [Hz], in the water of one of the casts."""

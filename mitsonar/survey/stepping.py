@@ -10,7 +10,6 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from mitsonar.io.tracks.tides import Tide
 from mitsonar.sonar.motion.stepping import Steady, SteppedPing, Stepping, planned_row
 from mitsonar.sonar.motion.track import FIELDS, Track
 from mitsonar.sonar.motion.trajectory import Trajectory
@@ -22,6 +21,7 @@ from .kinds import sounder_kind_of
 from .pressure.pressure import PressureRecord
 from .pressure.signals import LEAD
 from .sensor import Sensor, slowest_speed
+from .soundings.heights import DepthReference
 from .soundings.line import Instrument, SoundingLine
 from .soundings.survey import SoundedSurvey
 from .survey import Survey
@@ -73,7 +73,7 @@ class SteppedRun:
         """Return what a record states about the water of the latest ping, if it is not that of a planned one."""
         return {} if self.latest is None else {**self.survey.waters.of_step(self.latest).stated}
 
-    def sounded(self, profile: SoundSpeedProfile | None, tide: Tide | float | None = None, *, column: bool,
+    def sounded(self, profile: SoundSpeedProfile | None, by: DepthReference | None = None, *, column: bool,
                 snippets: int) -> xr.Dataset:
         """Return the soundings of the latest ping; arguments as of `mitsonar.soundings`."""
         assert self.latest is not None
@@ -82,7 +82,7 @@ class SteppedRun:
                 self.survey, self._sensor.own_seed(self._seed), column=column, snippets=snippets)
         instrument = self._instruments[column, snippets]
         survey = cast(SoundedSurvey, self.survey)
-        line = SoundingLine(survey, instrument, self._sensor.own_seed(self._seed), profile=profile, tide=tide)
+        line = SoundingLine(survey, instrument, self._sensor.own_seed(self._seed), profile=profile, by=by)
         return next(line.pings([self.latest.ping]))
 
     @cached_property

@@ -11,7 +11,8 @@ from mitsonar.device.files import FilePath
 
 from .execute import check_loading, default_folder, job, standing
 from .local import Local, cores, shares
-from .manifest import MANIFEST, read, versions
+from .manifest import read_all, versions
+from .parts import WHOLE, Part
 from .plan import Plan, load_plan
 
 TRIALS = 3
@@ -24,7 +25,7 @@ class Estimate:
     """Estimate of a sweep's cost."""
 
     folder: str
-    total: int  # number of renders of the plan
+    total: int  # number of renders of the plan or its part
     missing: int  # number of renders to make
     changed: int  # number of the missing with an image from other parameters, files or versions
     damaged: int  # number of the missing with an altered image
@@ -40,13 +41,15 @@ class Estimate:
 
 
 def estimate(plan: Plan | FilePath, folder: FilePath | None = None, *, processes: int | None = None,
-             threads: int | None = None, verify: bool = False, say: Callable[[str], None] | None = None) -> Estimate:
+             threads: int | None = None, verify: bool = False, part: Part = WHOLE,
+             say: Callable[[str], None] | None = None) -> Estimate:
     """Return an estimate of a sweep without writing into its folder."""
     plan = plan if isinstance(plan, Plan) else load_plan(plan)
     processes, threads = shares(processes, threads)
     folder = os.path.abspath(default_folder(plan) if folder is None else folder)
     made_by = versions()
-    state = standing(plan, folder, read(os.path.join(folder, MANIFEST))[0], made_by, verify=verify)
+    ours = part.indices(len(plan))
+    state = standing(plan, folder, read_all(folder, part)[0], made_by, verify=verify, part=part)
     seconds, sizes, trials = state.seconds, state.bytes, 0
     if state.missing and seconds:
         with Local(1, threads, os.path.dirname(plan.path)) as pool:
@@ -59,11 +62,12 @@ def estimate(plan: Plan | FilePath, folder: FilePath | None = None, *, processes
     existing = folder
     while not os.path.exists(existing):
         existing = os.path.dirname(existing)
-    return Estimate(folder=folder, total=len(plan), missing=len(state.missing), changed=state.changed,
+    return Estimate(folder=folder, total=len(ours), missing=len(state.missing), changed=state.changed,
                     damaged=state.damaged, processes=processes, threads=threads, at_once=at_once, seconds=mean,
                     bytes=size, trials=trials,
                     duration=None if mean is None else mean * math.ceil(len(state.missing) / at_once),
-                    free=shutil.disk_usage(existing).free, unplanned=state.unplanned)
+                    free=shutil.disk_usage(existing).free,
+                    unplanned=state.unplanned if part.whole else [])
 
 
 def _try(plan, missing, threads, made_by, say):

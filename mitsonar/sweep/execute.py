@@ -15,7 +15,8 @@ from mitsonar.device.files import FilePath
 
 from .cluster import Cluster
 from .local import Local, shares
-from .manifest import LOCK, MANIFEST, Manifest, ManifestEntry, key, remove_leftovers, sha256, versions
+from .manifest import Manifest, ManifestEntry, key, remove_leftovers, sha256, stamp_of, versions
+from .parts import WHOLE, Part, manifests
 from .plan import Plan, Render, load_plan, texts
 
 ATTEMPTS = 2                       # per render before it counts as failed
@@ -33,8 +34,10 @@ class Outcome:
     ----------
     folder : str
         Folder of the images and the manifest.
+    manifest : str
+        Path of the manifest.
     total, kept, done, failed : int
-        Numbers of renders: in the plan, made before, made now, and failed.
+        Numbers of renders: in the plan or its part, made before, made now, and failed.
     failures : tuple of (str, str)
         Output and error of the first failures.
     seconds : float
@@ -44,6 +47,7 @@ class Outcome:
     """
 
     folder: str
+    manifest: str
     total: int
     kept: int
     done: int
@@ -73,7 +77,8 @@ def default_folder(plan: Plan) -> str:
 
 def run(plan: Plan | FilePath, folder: FilePath | None = None, *, processes: int | None = None,
         threads: int | None = None, workers: int | None = None, scheduler: str | None = None, verify: bool = False,
-        progress: Callable[[int, int, int], None] | None = None, say: Callable[[str], None] | None = None) -> Outcome:
+        part: Part = WHOLE, progress: Callable[[int, int, int], None] | None = None,
+        say: Callable[[str], None] | None = None) -> Outcome:
     """Make all missing renders of a plan.
 
     Parameters
@@ -92,6 +97,8 @@ def run(plan: Plan | FilePath, folder: FilePath | None = None, *, processes: int
         Address of the scheduler of a Dask cluster to use instead; its workers must see the same files.
     verify : bool
         Compare the SHA-256 of every image with the manifest, and render altered ones again. Sizes are always compared.
+    part : Part
+        Part of the plan to make; default: all of it. Parts may run at the same time, in one folder or in several.
     progress : callable(done, total, failed) or None
         Called after every render, with the number of missing renders as total.
     say : callable(str) or None
@@ -122,50 +129,65 @@ def run(plan: Plan | FilePath, folder: FilePath | None = None, *, processes: int
     counts = shares(workers if processes is None else processes, threads)
     folder = os.path.abspath(default_folder(plan) if folder is None else folder)
     made_by, say, place = versions(), say or (lambda text: None), os.path.dirname(plan.path)
-    with _created(folder), Manifest(folder) as manifest:
-        remove_leftovers(_folders(plan, folder))
+    ours = part.indices(len(plan))
+    if not ours:
+        raise ValueError(f"part {part} was asked for, and the plan makes {len(plan)} renders; give at most {len(plan)} "
+                         "parts")
+    outputs = None if part.whole else [plan.render(index).output for index in ours]
+    with _created(folder, keep=not part.whole), Manifest(folder, part) as manifest:
+        remove_leftovers(_folders(plan, folder), outputs)
         if manifest.damaged:
             lines, are = ("line", "is") if manifest.damaged == 1 else ("lines", "are")
             say(f"{manifest.damaged} damaged {lines} of {manifest.path} {are} ignored")
-        state = standing(plan, folder, manifest.entries, made_by, verify=verify)
+        state = standing(plan, folder, manifest.entries, made_by, verify=verify, part=part)
         for count, fault in ((state.changed, "made from other parameters, files or versions"),
                              (state.damaged, "altered after writing")):
             if count:
                 renders, were, are = ("render", "was", "is") if count == 1 else ("renders", "were", "are")
                 say(f"{count} {renders} in {folder} {were} {fault} and {are} rendered again")
-        if state.unplanned:
+        if state.unplanned and part.whole:
             say(unplanned_said(state.unplanned, folder))
         if manifest.fresh:
-            _check_foreign(plan, folder)
+            _check_foreign(plan, folder, ours)
         runner = _Runner(plan, folder, manifest, state.missing, made_by, progress)
         if state.missing:
             try:
                 with (Local(*counts, place) if workers is None and scheduler is None else
                       Cluster(threads, place, folder, scheduler=scheduler, workers=workers)) as pool:
-                    if len(state.missing) == len(plan):
+                    if len(state.missing) == len(ours):
                         check_loading(pool, plan, state.missing, made_by)
                     runner.run(pool)
             finally:
-                remove_leftovers(_folders(plan, folder))
-    return Outcome(folder=folder, total=len(plan), kept=len(plan) - len(state.missing), done=runner.done,
-                   failed=runner.failed, failures=tuple(runner.failures), seconds=time.perf_counter() - start,
-                   redrawn=runner.redrawn)
+                remove_leftovers(_folders(plan, folder), outputs)
+    return Outcome(folder=folder, manifest=manifest.path, total=len(ours), kept=len(ours) - len(state.missing),
+                   done=runner.done, failed=runner.failed, failures=tuple(runner.failures),
+                   seconds=time.perf_counter() - start, redrawn=runner.redrawn)
 
 
 def standing(plan: Plan, folder: str, entries: Mapping[str, ManifestEntry], made_by: Mapping[str, str], *,
-             verify: bool = False) -> Standing:
-    """Return the state of a sweep; renders are missing unless their files exist and match the manifest."""
+             verify: bool = False, part: Part = WHOLE) -> Standing:
+    """Return the state of a sweep or a part; renders are missing unless their files exist and match the manifest."""
     missing, changed, damaged, seconds, sizes = array.array("l"), 0, 0, [], []
-    unplanned_outputs = {output for output, entry in entries.items() if entry.status == "ok"}
-    for index in range(len(plan)):
+    digest = plan.digests()
+    same = {} if verify else _of_this_plan(plan, folder, entries, made_by, digest)
+    unplanned_outputs = {output for output, entry in entries.items() if entry.status == "ok"
+                         and (entry.index not in same or same[entry.index] is not entry)}
+    for index in part.indices(len(plan)):
+        if (entry := same.get(index)) is not None:
+            seconds.append(entry.seconds)
+            sizes.append(entry.bytes)
+            continue
+        if not unplanned_outputs:                      # nothing that this render could be
+            missing.append(index)
+            continue
         render = plan.render(index)
         unplanned_outputs.discard(render.output)
         entry = entries.get(render.output)
         if entry is not None and entry.redrawn and plan.redraw:
             render = plan.render(index, entry.redrawn)
-        if entry is None or entry.status != "ok" or not _is_there(folder, render, entry, plan.previews):
+        if entry is None or entry.status != "ok" or not _is_there(folder, render.output, entry, plan.previews):
             missing.append(index)
-        elif entry.key != key(render.parameters, render.seed, plan.digest(render), made_by):
+        elif entry.key != key(render.parameters, render.seed, digest(render), made_by):
             missing.append(index)
             changed += 1
         elif verify and _digest(os.path.join(folder, render.output)) != entry.sha256:
@@ -177,6 +199,22 @@ def standing(plan: Plan, folder: str, entries: Mapping[str, ManifestEntry], made
     unplanned = sorted(output for output in unplanned_outputs if os.path.exists(os.path.join(folder, output)))
     return Standing(missing=missing, changed=changed, damaged=damaged, seconds=seconds, bytes=sizes,
                     unplanned=unplanned)
+
+
+def _of_this_plan(plan, folder, entries, made_by, digest):
+    """Return the finished entries of a plan that has not changed, by number; quickly, without drawing parameters.
+
+    Entries with the same digest of inputs read the same files, so that one of them tells of all.
+    """
+    ours, same, unchanged = stamp_of(plan.stamp, made_by), {}, {}
+    for output, entry in entries.items():
+        if entry.status != "ok" or entry.stamp != ours or not 0 <= entry.index < len(plan):
+            continue
+        if entry.inputs not in unchanged:
+            unchanged[entry.inputs] = digest(plan.render(entry.index, entry.redrawn)) == entry.inputs
+        if unchanged[entry.inputs] and _is_there(folder, output, entry, plan.previews):
+            same[entry.index] = entry
+    return same
 
 
 def unplanned_said(outputs: Sequence[str], folder: str) -> str:
@@ -191,7 +229,8 @@ def job(plan: Plan, render: Render, folder: str | None, made_by: Mapping[str, st
     """Return the job of a render for a worker; without a folder its scene is only loaded."""
     return {"scene": plan.scene, "parameters": texts(render), "seed": render.seed, "versions": made_by,
             "folder": folder or os.path.dirname(plan.path), "output": render.output if folder else None,
-            "preview": _preview(render) if plan.previews and folder else None, "soundings": plan.soundings,
+            "preview": preview(render.output) if plan.previews and folder else None, "soundings": plan.soundings,
+            "labels": None if plan.labels is None else [plan.labels, plan.classes],
             "trial": False}
 
 
@@ -205,6 +244,20 @@ def check_loading(pool: Local | Cluster, plan: Plan, missing: Sequence[int], mad
             return
         errors.append(answer["error"])
     raise ValueError(f"no render of {os.path.basename(plan.path)} was started: {errors[0]}")
+
+
+def only(plan: Plan, index: int, output: FilePath, *, threads: int | None = None) -> None:
+    """Write the image of one render of a plan as an EXR; raises `ValueError` if it fails."""
+    folder, name = os.path.split(os.path.abspath(output))
+    processes, threads = shares(1, threads)
+    with Local(processes, threads, os.path.dirname(plan.path)) as pool:
+        for again in range(1 + (MOST_REDRAWN if plan.redraw else 0)):
+            given = job(plan, plan.render(index, again), folder, versions())
+            answer = _answer(pool.submit({**given, "output": name, "preview": None, "soundings": None, "labels": None}))
+            if not answer.get("refused"):
+                break
+    if answer.get("error"):
+        raise ValueError(f"render {index} fails: {answer['error']}")
 
 
 class _Runner:
@@ -252,13 +305,14 @@ class _Runner:
             return
         error = answer.get("error")
         self.manifest.append({
-            "index": render.index, "output": render.output, "parameters": render.parameters, "seed": render.seed,
-            "inputs": digest, "versions": self.made_by, "status": "failed" if error else "ok", "attempts": attempt,
+            "index": render.index, "plan": self.plan.stamp, "output": render.output, "parameters": render.parameters,
+            "seed": render.seed, "inputs": digest, "versions": self.made_by,
+            "status": "failed" if error else "ok", "attempts": attempt,
             "instruction_set": answer.get("instruction_set"), "seconds": answer["seconds"],
             "bytes": answer.get("bytes"), "sha256": answer.get("sha256"), "error": error,
             **({"redrawn": render.redrawn} if self.plan.redraw else {}),
             **({"classes": self.plan.classes} if self.plan.classes else {}),
-            **({"preview": _preview(render)} if self.plan.previews and not error else {}),
+            **({"preview": preview(render.output)} if self.plan.previews and not error else {}),
             **({"warnings": answer["warnings"]} if answer["warnings"] else {})})
         if error:
             self.failed += 1
@@ -277,12 +331,13 @@ def _answer(future):
         return {"error": f"{type(error).__name__}: {' '.join(str(error).split())}", "seconds": 0.0, "warnings": []}
 
 
-def _preview(render):
-    return f"{os.path.splitext(render.output)[0]}.png"
+def preview(output: str) -> str:
+    """Return the name of the picture beside an output."""
+    return f"{os.path.splitext(output)[0]}.png"
 
 
-def _is_there(folder, render, entry, previews):
-    path = os.path.join(folder, render.output)
+def _is_there(folder, output, entry, previews):
+    path = os.path.join(folder, output)
     with contextlib.suppress(OSError):
         return os.path.getsize(path) == entry.bytes and (not previews or (
             entry.preview is not None and os.path.exists(os.path.join(folder, entry.preview))))
@@ -303,8 +358,8 @@ def _folders(plan, folder):
 
 
 @contextlib.contextmanager
-def _created(folder):
-    """Create a folder, and remove it and its new parents at the end if they stay empty."""
+def _created(folder, keep):
+    """Create a folder, and unless it is to be kept remove it and its new parents at the end if they stay empty."""
     new, above = [], folder
     while not os.path.exists(above):
         new.append(above)
@@ -319,18 +374,18 @@ def _created(folder):
         raise PermissionError(f"cannot write into {folder}: no permission to make it in {above}; give another folder "
                               "by -o") from None
     try:
-        files.check_writable(os.path.join(folder, MANIFEST))
+        files.check_writable(os.path.join(folder, WHOLE.manifest))
         yield
     finally:
         with contextlib.suppress(OSError):             # the folder is not empty
-            for created in new:
+            for created in () if keep else new:
                 os.rmdir(created)
 
 
-def _check_foreign(plan, folder):
+def _check_foreign(plan, folder, indices):
     """Raise `ValueError` if an output would replace a file that no manifest lists."""
-    foreign = set(os.listdir(folder)) - {MANIFEST, LOCK}
-    for index in range(len(plan) if foreign else 0):
+    foreign = set(os.listdir(folder)) - {*manifests(folder), WHOLE.lock}
+    for index in indices if foreign else ():
         output = plan.render(index).output
         if os.path.exists(os.path.join(folder, output)):
             raise ValueError(f"{folder} holds {output}, but no manifest lists it; move it away, or give another "

@@ -6,13 +6,14 @@ the plan, where the renders run. A folder stands for the files in it.
 import hashlib
 import os
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 from mitsonar.device.spelling import meant
 from mitsonar.io.scene_files import scenes
 from mitsonar.plugins import attributes, reference
 
-from .manifest import MANIFEST, sha256
+from .manifest import sha256
+from .parts import manifests
 from .values import shortened
 
 KINDS = {"float": "a number", "integer": "a whole number", "boolean": "true or false"}
@@ -26,7 +27,7 @@ class Inputs:
 
     def __init__(self, scene: str, place: str):
         self.scene, self.folders = scene, (os.path.dirname(scene), place)
-        self._trees, self._digests, self._kinds, self.known = {}, {}, {}, set()
+        self._trees, self._digests, self._kinds, self.known, self._in_texts = {}, {}, {}, set(), (0, [])
         for path in self._walk({}):
             self.known |= set(self._tree(path)[0])
 
@@ -84,6 +85,30 @@ class Inputs:
                     inputs.update(f"{name} {self._content(path_found)}\n".encode())
         return inputs.hexdigest()
 
+    def digests(self) -> Callable[[Mapping[str, str]], str]:
+        """Return `digest` for many renders, of files that do not change in the meantime."""
+        known: dict[tuple[object, ...], str] = {}
+
+        def digest(values: Mapping[str, str]) -> str:
+            for _ in range(len(self._trees) + 2):      # an included file may name parameters, too
+                trees = len(self._trees)
+                names = self._names_in_texts(trees)
+                key = trees, *(values.get(name) for name in names)
+                if key not in known:
+                    known[key] = self.digest(values)
+                if len(self._trees) == trees:
+                    break
+            return known[key]
+
+        return digest
+
+    def _names_in_texts(self, trees):
+        """Return the parameters that occur in strings of the files read so far, ``trees`` of them."""
+        if self._in_texts[0] != trees:
+            self._in_texts = trees, sorted({name for _, _, templates in self._trees.values()
+                                            for *_, template in templates for name in NAME.findall(template)})
+        return self._in_texts[1]
+
     def _walk(self, values):
         """Return the paths of the scene and of the files it includes, each once."""
         paths = [self.scene]
@@ -133,7 +158,7 @@ class Inputs:
             return None
         # a sweep's own folder is no input, since its content changes during the run
         return next((path for path in (os.path.join(folder, name) for folder in self.folders) if os.path.isfile(path)
-                     or os.path.isdir(path) and not os.path.exists(os.path.join(path, MANIFEST))), None)
+                     or os.path.isdir(path) and not manifests(path)), None)
 
     def _content(self, path):
         """Return the SHA-256 of a file, or of all files in a folder; read again when time or size change."""

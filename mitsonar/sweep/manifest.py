@@ -1,33 +1,42 @@
 """Manifest of a sweep: ``manifest.jsonl`` in its folder, a line of JSON for every finished or failed render.
 
-Each line holds ``index``, ``output``, ``parameters``, ``seed``, ``inputs`` (SHA-256 of the scene and the files it
-reads), ``versions``, ``instruction_set`` (of the machine that rendered it), ``status`` ("ok" or "failed"),
-``attempts``, ``seconds``, ``bytes`` and ``sha256`` of the output, ``error``, and if present ``redrawn`` (number of
-repeated draws of its parameters), ``classes``, ``preview`` and ``warnings``. The last line about an output counts.
+A part of a sweep has one of its own, ``manifest.part-17-of-200.jsonl``. A run of the whole sweep reads those of parts,
+too, and a part that of the whole.
 
-Only the holder of the folder's lock writes, a line at a time. Readers ignore an incomplete line (after a power failure
+Each line holds ``index``, ``plan`` (SHA-256 of plan and table), ``output``, ``parameters``, ``seed``, ``inputs``
+(SHA-256 of the scene and the files it reads), ``versions``, ``instruction_set`` (of the machine that rendered it),
+``status`` ("ok" or "failed"), ``attempts``, ``seconds``, ``bytes`` and ``sha256`` of the output, ``error``, and if
+present ``redrawn`` (number of repeated draws of its parameters), ``classes``, ``preview`` and ``warnings``. The last
+line about an output counts.
+
+Only the holder of its lock writes, a line at a time. Readers ignore an incomplete line (after a power failure
 or on a full disk), and the next writer removes it.
 """
 import contextlib
 import datetime
+import errno
 import hashlib
 import importlib.metadata
 import json
 import os
 import platform
 import re
+import sys
 import time
-from collections.abc import Iterable, Mapping
-from typing import NamedTuple
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any, NamedTuple
 
 from mitsonar.device.files import FULL, FilePath
 from mitsonar.version import __version__
 
-MANIFEST, LOCK = "manifest.jsonl", ".sweep.lock"
+from .parts import MANIFEST, WHOLE, Part, manifests
+
 LONGEST_LINE = 1 << 20             # bytes; lines of mitsonar are far shorter
 FLUSH_SECONDS = 5.0
+LOCKLESS = errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP      # of some network disks: nothing tells of another run there
 # as made by `device.files.replacing`
-LEFTOVER = re.compile(r"\..+\.([0-9a-f]+-)?[0-9a-f]{8}\.(exr|png|nc|gsf|kmall|csv|las)", re.I)
+LEFTOVER = re.compile(r"\.(.+)\.([0-9a-f]+-)?[0-9a-f]{8}\.(exr|png|tar|nc|gsf|kmall|s7k|csv|las)", re.I)
+STEM = 100                         # letters of an output's name in that
 
 
 class ManifestEntry(NamedTuple):
@@ -41,6 +50,9 @@ class ManifestEntry(NamedTuple):
     sha256: str | None = None
     redrawn: int = 0
     classes: tuple[str, ...] | None = None
+    index: int = -1
+    inputs: str = ""
+    stamp: str | None = None
 
 
 def key(parameters: Mapping[str, object], seed: int, inputs: str, versions: Mapping[str, str]) -> bytes:
@@ -65,14 +77,14 @@ def sha256(path: FilePath) -> str:
 
 
 class Manifest:
-    """Manifest of a folder, locked by one runner at a time."""
+    """Manifest of a sweep or of a part in a folder, locked by one runner at a time."""
 
-    def __init__(self, folder: str):
-        self.path = os.path.join(folder, MANIFEST)
-        self._lock = _hold(folder)
+    def __init__(self, folder: str, part: Part = WHOLE):
+        self.path, self._lock_path = (os.path.join(folder, name) for name in (part.manifest, part.lock))
+        self._lock = hold(folder, part)
         try:
-            self.fresh = not os.path.exists(self.path)
-            self.entries, self.damaged, complete = read(self.path)
+            self.entries, self.damaged, complete = read_all(folder, part)
+            self.fresh = not self.entries and not os.path.exists(self.path)
             self._file = os.open(self.path, os.O_RDWR | os.O_CREAT, 0o666)
             try:
                 if complete < os.fstat(self._file).st_size:
@@ -92,9 +104,9 @@ class Manifest:
         with contextlib.suppress(OSError):             # the lines are written already
             os.fsync(self._file)
         os.close(self._file)
-        if self.fresh and not self._end:               # no render was made: remove both files
+        if not self._end:                              # no render was made: remove both files
             os.unlink(self.path)
-            os.unlink(os.path.join(os.path.dirname(self.path), LOCK))
+            os.unlink(self._lock_path)
         os.close(self._lock)
 
     def append(self, record: Mapping[str, object]) -> None:
@@ -115,34 +127,84 @@ class Manifest:
         self._end += len(line)
 
 
+def read_all(folder: FilePath, part: Part = WHOLE) -> tuple[dict[str, ManifestEntry], int, int]:
+    """Return as `read` what a run has to know: all manifests of a folder, or of a part its own and the whole sweep's.
+
+    A finished render counts before a failed one. The length is that of the run's own manifest.
+    """
+    folder, entries, damaged, complete = os.fspath(folder), {}, 0, 0
+    for name in dict.fromkeys([*(manifests(folder) if part.whole else [MANIFEST]), part.manifest]):
+        found, bad, complete = read(os.path.join(folder, name))
+        damaged += bad
+        entries |= {output: entry for output, entry in found.items()
+                    if entry.status == "ok" or output not in entries or entries[output].status != "ok"}
+    return entries, damaged, complete
+
+
 def read(path: FilePath) -> tuple[dict[str, ManifestEntry], int, int]:
     """Return the entries of a manifest by output, the number of damaged lines, and the length of complete lines."""
     entries, damaged, complete = {}, 0, 0
-    if not os.path.exists(path):
-        return entries, damaged, complete
-    with open(path, "rb") as file:
-        while line := file.readline(LONGEST_LINE):
-            if not line.endswith(b"\n"):
-                while len(line) == LONGEST_LINE and not line.endswith(b"\n"):
-                    line = file.readline(LONGEST_LINE)         # skip the rest of an overlong line
-                if not line.endswith(b"\n"):
-                    break
-                damaged, complete = damaged + 1, file.tell()
-                continue
-            complete = file.tell()
-            try:
-                output, entry = _entry(json.loads(line))
-                entries[output] = entry
-            except (ValueError, KeyError, TypeError, AttributeError, RecursionError, OverflowError):
-                damaged += 1
+    for line in lines(path):
+        complete = line.end
+        if line.entry is None:
+            damaged += 1
+        else:
+            entries[line.output] = line.entry
     return entries, damaged, complete
+
+
+class Line(NamedTuple):
+    """Complete line of a manifest."""
+
+    path: str
+    start: int  # [bytes]
+    end: int  # [bytes]
+    output: str
+    entry: ManifestEntry | None  # None: damaged
+
+    @property
+    def folder(self) -> str:
+        """Return the folder of its output."""
+        return os.path.dirname(self.path)
+
+    def text(self) -> bytes:
+        """Return the line itself."""
+        with open(self.path, "rb") as file:
+            file.seek(self.start)
+            return file.read(self.end - self.start)
+
+    def record(self) -> dict[str, Any]:
+        """Return its content."""
+        return json.loads(self.text())
+
+
+def lines(path: FilePath) -> Iterator[Line]:
+    """Yield the complete lines of a manifest, none if there is no such file."""
+    path = os.fspath(path)
+    if not os.path.exists(path):
+        return
+    with open(path, "rb") as file:
+        start = 0
+        while line := file.readline(LONGEST_LINE):
+            whole = line.endswith(b"\n")
+            while len(line) == LONGEST_LINE and not line.endswith(b"\n"):
+                line = file.readline(LONGEST_LINE)             # skip the rest of an overlong line
+            if not line.endswith(b"\n"):
+                break
+            output, entry = "", None
+            with contextlib.suppress(ValueError, KeyError, TypeError, AttributeError, RecursionError, OverflowError):
+                output, entry = _entry(json.loads(line)) if whole else ("", None)
+            end = file.tell()
+            yield Line(path=path, start=start, end=end, output=output, entry=entry)
+            start = end
 
 
 def _entry(record):
     if record["status"] not in ("ok", "failed") or not isinstance(record["output"], str):
         raise ValueError
     preview, size = record.get("preview"), record["bytes"] if record["status"] == "ok" else 0
-    if not (isinstance(size, int) and (preview is None or isinstance(preview, str))):
+    if not (isinstance(size, int) and isinstance(record["index"], int)
+            and (preview is None or isinstance(preview, str))):
         raise ValueError
     classes = record.get("classes")
     return record["output"], ManifestEntry(key=key(record["parameters"], record["seed"], record["inputs"],
@@ -150,35 +212,48 @@ def _entry(record):
                                            status=record["status"], bytes=size, preview=preview,
                                            seconds=float(record["seconds"]), sha256=record.get("sha256"),
                                            redrawn=int(record.get("redrawn", 0)),
-                                           classes=None if classes is None else tuple(map(str, classes)))
+                                           classes=None if classes is None else tuple(map(str, classes)),
+                                           index=record["index"], inputs=sys.intern(record["inputs"]),
+                                           stamp=stamp_of(record.get("plan"), record["versions"]))
 
 
-def remove_leftovers(folders: Iterable[str]) -> None:
-    """Remove the unfinished files of killed renders from folders."""
+def stamp_of(plan: str | None, versions: Mapping[str, str]) -> str | None:
+    """Return what tells whether a line was made from a plan by the same versions; None if it does not say."""
+    return None if plan is None else sys.intern(f"{plan} {' '.join(map(versions.__getitem__, sorted(versions)))}")
+
+
+def remove_leftovers(folders: Iterable[str], of: Iterable[str] | None = None) -> None:
+    """Remove the unfinished files of killed renders from folders; only those of the outputs `of`, if given."""
+    stems = None if of is None else {os.path.splitext(os.path.basename(output))[0][:STEM] for output in of}
     for folder in folders:
         with contextlib.suppress(FileNotFoundError):
             for name in os.listdir(folder):
-                if LEFTOVER.fullmatch(name):
+                if (match := LEFTOVER.fullmatch(name)) and (stems is None or match[1] in stems):
                     with contextlib.suppress(FileNotFoundError):
                         os.unlink(os.path.join(folder, name))
 
 
-def _hold(folder):
-    """Lock the folder; the system releases the lock when the process ends."""
+def hold(folder: str, part: Part = WHOLE) -> int:
+    """Lock the manifest of a sweep or a part, and return the open file; closing it, or any end, releases the lock."""
     import fcntl
 
-    path = os.path.join(folder, LOCK)
+    path = os.path.join(folder, part.lock)
     lock = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         if not (os.path.exists(path) and os.path.samestat(os.fstat(lock), os.stat(path))):
             os.close(lock)                             # the last holder has just removed it
-            return _hold(folder)
+            return hold(folder, part)
     except BlockingIOError:
         holder = os.pread(lock, 1000, 0).decode(errors="replace").strip()
         os.close(lock)
-        raise ValueError(f"the sweep in {folder} is being run by {holder or 'somebody else'}; wait until it ends, or "
+        what = "the sweep" if part.whole else f"part {part} of the sweep"
+        raise ValueError(f"{what} in {folder} is being run by {holder or 'somebody else'}; wait until it ends, or "
                          "choose another folder by -o") from None
+    except OSError as error:
+        if error.errno not in LOCKLESS:
+            os.close(lock)
+            raise
     since = datetime.datetime.now().astimezone().isoformat(" ", "seconds")
     with contextlib.suppress(OSError):                 # on a full disk the lock holds without its text
         os.ftruncate(lock, 0)

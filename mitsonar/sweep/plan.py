@@ -5,9 +5,11 @@
 in this order, with the last parameter of the grid running fastest. More samples, or more rows with one sample and one
 seed, therefore follow the existing renders.
 """
+import hashlib
 import itertools
 import math
 import os
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from importlib.resources import files
 from typing import Any
@@ -17,15 +19,16 @@ from mitsonar.device.spelling import meant
 from mitsonar.io.scene_files import scenes, tables
 
 from .inputs import Inputs
+from .manifest import sha256
 from .names import Pattern
-from .products import product_digest, soundings_of
+from .products import labels_of, options_digest, soundings_of
 from .values import Draw, axis, draw, random_bits, shortened, value, whole
 
 MOST_RENDERS = 1_000_000
 LARGEST_PLAN, LARGEST_TABLE = 10_000_000, 200_000_000           # bytes
 MOST_SEEDS = 1 << 32                                            # limit of `mitsonar.render`
 KEYS = ("scene", "output", "seed", "seeds", "samples", "previews", "redraw", "classes", "table", "set", "list", "grid",
-        "draw", "soundings")
+        "draw", "soundings", "labels")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,8 +88,12 @@ class Plan:
         Classes of objects in the order of their label numbers.
     inputs : Inputs
         Files of the scene.
+    stamp : str
+        SHA-256 of plan and table: one stamp, the same renders.
     soundings : dict or None
         Options of `mitsonar.soundings` and of its file, if renders are lines of soundings; None for pictures.
+    labels : dict or None
+        Rules of labels, if renders are samples; None for others.
     """
 
     path: str
@@ -105,7 +112,9 @@ class Plan:
     redraw: tuple[str, ...]
     classes: tuple[str, ...] | None
     inputs: Inputs = field(repr=False)
+    stamp: str = field(repr=False)
     soundings: dict[str, Any] | None = None
+    labels: dict[str, Any] | None = None
 
     def __len__(self):
         return self.samples * self._seeds() * math.prod(self._sizes())
@@ -141,8 +150,16 @@ class Plan:
 
     def digest(self, render: Render) -> str:
         """Return a SHA-256 of all inputs of a render, in hexadecimal."""
-        inputs = self.inputs.digest(texts(render))
-        return inputs if not self.soundings else product_digest(inputs, self.soundings)
+        return self.digests()(render)
+
+    def digests(self) -> Callable[[Render], str]:
+        """Return `digest` for many renders, of files that do not change in the meantime."""
+        digest = self.inputs.digests()
+        product = self.soundings or ({**self.labels, "classes": self.classes} if self.labels is not None else {})
+        if not product:
+            return lambda render: digest(texts(render))
+        options = options_digest(product)
+        return lambda render: hashlib.sha256(f"{digest(texts(render))} {options}".encode()).hexdigest()
 
     def _seeds(self):
         return self.seeds if isinstance(self.seeds, int) else len(self.seeds)
@@ -231,9 +248,13 @@ def _plan(path, place, home, given):
     inputs.check_files(columns)
     pattern = Pattern(given.get("output", "{index:06}.exr"), named, inputs.paths())
     soundings = soundings_of(dict(_section(given, "soundings")), pattern.suffix, place, previews)
+    classes = _names(given, "classes") or None
+    labels = labels_of(dict(_section(given, "labels")), pattern.suffix, previews, classes)
     plan = Plan(path=path, scene=scene, home=home, seed=seed, pattern=pattern, seeds=seeds, soundings=soundings,
+                labels=labels,
                 samples=samples, previews=previews, fixed=fixed, table=table, lists=lists, grid=grid, draws=draws,
-                redraw=_names(given, "redraw"), classes=_names(given, "classes") or None, inputs=inputs)
+                redraw=_names(given, "redraw"), classes=classes, inputs=inputs,
+                stamp=_stamp(path, *([os.path.join(place, given["table"])] if "table" in given else [])))
     _check_redraw(plan)
     if samples > 1 and not draws:
         raise ValueError(f"samples is {samples}, but no parameter is drawn, so that all would be alike; add [draw], or "
@@ -246,6 +267,10 @@ def _plan(path, place, home, given):
     inputs.check_kinds({**{name: (item,) for name, item in plan.render(0).parameters.items() if name in draws},
                         **{name: column for name, column in columns.items() if column}})
     return plan
+
+
+def _stamp(*paths):
+    return hashlib.sha256("".join(map(sha256, paths)).encode()).hexdigest()
 
 
 def _names(given, key):

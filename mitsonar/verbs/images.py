@@ -17,6 +17,7 @@ from mitsonar.device.spelling import meant
 from mitsonar.device.turns import one_at_a_time
 from mitsonar.hydrography.record import joined
 from mitsonar.io import casts
+from mitsonar.io.grids.separation import Separation
 from mitsonar.io.records.records import SonarImage, SonarSignals, not_all_nan
 from mitsonar.io.tracks import tides
 from mitsonar.io.tracks.tides import Tide
@@ -31,6 +32,7 @@ from mitsonar.survey.pressure.array_survey import ArraySurvey
 from mitsonar.survey.pressure.pressure import PressureRecord
 from mitsonar.survey.pressure.signals import LEAD, pair_responses, received_signals
 from mitsonar.survey.sensor import Sensor, sonar_of
+from mitsonar.survey.soundings.heights import DepthReference
 from mitsonar.survey.soundings.line import SoundingLine
 from mitsonar.survey.soundings.survey import SoundedSurvey
 from mitsonar.survey.survey import Survey
@@ -234,7 +236,8 @@ def element_signals(scene: mi.Scene | FilePath, ping: int | Sequence[int] = 0, k
 
 
 def soundings(scene: mi.Scene | FilePath, seed: int = 0, profile: SoundSpeedProfile | FilePath | None = None, *,
-              tide: float | FilePath | None = None, sensor: int | str = 0, column: bool = False, snippets: int = 0,
+              tide: float | FilePath | None = None, separation: float | FilePath | None = None, heights: str = "tide",
+              sensor: int | str = 0, column: bool = False, snippets: int = 0,
               progress: Callable[[int, int], None] | None = None, **parameters: object) -> SonarImage:
     """Compute the soundings of a scene's multibeam echo sounder or interferometric sidescan.
 
@@ -248,6 +251,11 @@ def soundings(scene: mi.Scene | FilePath, seed: int = 0, profile: SoundSpeedProf
     tide : float [m], str or path, or None
         Water level above the datum used to reduce the soundings: a constant, 0 for none, or a CSV file as the water's
         ``tide``. It may differ from the scene's own. None: the scene's own.
+    separation : float [m], str or path, or None
+        Height of the vertical datum above the ellipsoid used to reduce the soundings: a constant, or the file of a
+        grid. None: that of the scene's water.
+    heights : {"tide", "gnss"}
+        Depths by draft, heave and tide; or by heights of the vessel above the ellipsoid, less the separation.
     column : bool
         Keep the water column: levels of all beams.
     snippets : int
@@ -268,8 +276,9 @@ def soundings(scene: mi.Scene | FilePath, seed: int = 0, profile: SoundSpeedProf
     total: list[int] = []
     pings = []
     scene = opened(scene, sensor, parameters)[0]
-    for done, image in enumerate(sounded_pings(scene, seed, profile, tide=tide, sensor=sensor, column=column,
-                                               snippets=snippets, count=total.append), 1):
+    for done, image in enumerate(sounded_pings(scene, seed, profile, tide=tide, separation=separation, heights=heights,
+                                               sensor=sensor, column=column, snippets=snippets,
+                                               count=total.append), 1):
         pings.append(image)
         if progress is not None:
             progress(done, total[0])
@@ -278,21 +287,23 @@ def soundings(scene: mi.Scene | FilePath, seed: int = 0, profile: SoundSpeedProf
 
 @one_at_a_time
 def sounder(scene: mi.Scene | FilePath, seed: int = 0, profile: SoundSpeedProfile | FilePath | None = None, *,
-            tide: float | FilePath | None = None, sensor: int | str = 0, column: bool = False,
+            tide: float | FilePath | None = None, separation: float | FilePath | None = None,
+            heights: str = "tide", sensor: int | str = 0, column: bool = False,
             snippets: int = 0) -> tuple[int, Callable[[Iterable[int]], Iterator[SonarImage]]]:
     """Return the number of pings of a line, and a function that yields the soundings of pings by their numbers.
 
     Arguments and errors are as in `soundings`. A ping does not depend on which others are made.
     """
     seed = checked_seed(seed)
-    samples, profile, level = checked_snippets(snippets), read_profile(profile), read_tide(tide)
+    samples, profile = checked_snippets(snippets), read_profile(profile)
+    by = read_reference(tide, separation, heights)
     scene, sonar, integrator = opened(scene, sensor)
     kind = sounder_kind_of(sonar)
     try:
         survey = integrator.survey(scene, sonar, seed)
         own = sonar.own_seed(seed)
         instrument = kind.instrument(survey, own, column=column, snippets=samples)
-        line = SoundingLine(cast(SoundedSurvey, survey), instrument, own, profile=profile, tide=level)
+        line = SoundingLine(cast(SoundedSurvey, survey), instrument, own, profile=profile, by=by)
     except RuntimeError as error:
         raise as_exception(error) from error
     origin = {**provenance(scene, sonar, survey), "seed": seed}
@@ -306,11 +317,12 @@ def sounder(scene: mi.Scene | FilePath, seed: int = 0, profile: SoundSpeedProfil
 
 
 def sounded_pings(scene: mi.Scene | FilePath, seed: int = 0, profile: SoundSpeedProfile | FilePath | None = None, *,
-                  tide: float | FilePath | None = None, sensor: int | str = 0, column: bool = False, snippets: int = 0,
-                  start: int = 0,
+                  tide: float | FilePath | None = None, separation: float | FilePath | None = None,
+                  heights: str = "tide", sensor: int | str = 0, column: bool = False, snippets: int = 0, start: int = 0,
                   count: Callable[[int], object] | None = None) -> Iterator[SonarImage]:
     """Yield the soundings of one ping after the other, so that memory does not grow with their number."""
-    total, pings_of = sounder(scene, seed, profile, tide=tide, sensor=sensor, column=column, snippets=snippets)
+    total, pings_of = sounder(scene, seed, profile, tide=tide, separation=separation, heights=heights, sensor=sensor,
+                              column=column, snippets=snippets)
     if count is not None:
         count(total)
     return pings_of(range(operator.index(start), total))
@@ -361,6 +373,20 @@ def checked_snippets(snippets: int) -> int:
 def read_profile(profile: SoundSpeedProfile | FilePath | None) -> SoundSpeedProfile | None:
     """Return a profile, read if it is the file of a cast."""
     return profile if profile is None or isinstance(profile, SoundSpeedProfile) else casts.read(profile).profile
+
+
+def read_reference(tide: float | FilePath | None, separation: float | FilePath | None = None,
+                   heights: str = "tide") -> DepthReference:
+    """Return what depths are reduced with, from constants [m] or files."""
+    return DepthReference(tide=read_tide(tide), separation=read_separation(separation), heights=heights)
+
+
+def read_separation(separation: float | FilePath | None) -> Separation | None:
+    """Return a separation, of a grid if it is a file, or constant [m]."""
+    if separation is None:
+        return None
+    is_file = isinstance(separation, (str, os.PathLike))
+    return Separation(path=separation) if is_file else Separation(constant=float(separation))
 
 
 def read_tide(tide: float | FilePath | None) -> Tide | float | None:

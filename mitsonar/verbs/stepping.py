@@ -18,7 +18,7 @@ from mitsonar.survey.pressure.signals import received_signals
 from mitsonar.survey.stepping import SteppedRun
 from mitsonar.water.profile import SoundSpeedProfile
 
-from .images import checked_seed, checked_snippets, opened, provenance, read_profile, read_tide
+from .images import checked_seed, checked_snippets, opened, provenance, read_profile, read_reference
 
 ZERO = (0.0, 0.0, 0.0)
 
@@ -130,14 +130,15 @@ class Sonar:
                 **{**self._origin, **run.stated}))
 
     def soundings(self, profile: SoundSpeedProfile | FilePath | None = None, *,
-                  tide: float | FilePath | None = None, column: bool = False, snippets: int = 0,
+                  tide: float | FilePath | None = None, separation: float | FilePath | None = None,
+                  heights: str = "tide", column: bool = False, snippets: int = 0,
                   position: ArrayLike | None = None, attitude: ArrayLike = ZERO, velocity: ArrayLike = ZERO,
                   turn_rate: ArrayLike = ZERO, time: float | None = None) -> SonarImage:
         """Return the soundings of a multibeam at the last ping or, with a position, at the next one.
 
         Parameters
         ----------
-        profile, tide, column, snippets
+        profile, tide, separation, heights, column, snippets
             As in `mitsonar.soundings`.
         position, attitude, velocity, turn_rate, time
             As in `ping`, for the next ping. Without them: the last ping, also one whose picture was asked for.
@@ -152,9 +153,10 @@ class Sonar:
         ValueError
             As in `ping` and `mitsonar.soundings`, or if the last ping was asked for and there was none.
         """
-        samples, cast, level = checked_snippets(snippets), read_profile(profile), read_tide(tide)
+        samples, cast = checked_snippets(snippets), read_profile(profile)
+        by = read_reference(tide, separation, heights)
         with self._sent(position, attitude, velocity, turn_rate, time) as (run, _):
-            image = run.sounded(cast, level, column=column, snippets=samples)
+            image = run.sounded(cast, by, column=column, snippets=samples)
             origin = {**self._origin, **run.stated, "seed": self._seed}
             return SonarImage.of(image.assign_attrs({**origin, **image.attrs, "seed": self._seed}))
 

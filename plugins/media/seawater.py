@@ -38,6 +38,7 @@ import numpy as np
 from mitsonar.device.arrays import upload
 from mitsonar.io import casts
 from mitsonar.io.casts.series import PlacedCast, read_series
+from mitsonar.io.grids.separation import FARTHEST, Separation
 from mitsonar.io.tracks import tides
 from mitsonar.io.tracks.tides import Tide
 from mitsonar.water import absorption, along_line, seawater
@@ -72,8 +73,15 @@ ATTRIBUTES = (
            text="interpolated water changes in steps of at most this sound speed, because every new water takes time "
                 "to prepare; 0: at every ping"),
     File("tide", default=None,
-         text="CSV file of the water level: `time` (UTC, or seconds after the first ping) and `height` [m] above z = "
-              "0; the water and sonars of a given depth ride on it; the bed and objects stay"),
+         text="table of the water level: a CSV file of `time` (UTC, or seconds after the first ping) and `height` [m] "
+              "above z = 0, CARIS or CO-OPS; the water and sonars of a given depth ride on it; the bed and objects "
+              "stay"),
+    Number("separation", default=None, minimum=-FARTHEST, maximum=FARTHEST, unit="m",
+           text="height of z = 0, the vertical datum, above the ellipsoid WGS 84: soundings then have heights by "
+                "satellites, `ping_height`; added to the grid of `separation_file` if both are given"),
+    File("separation_file", default=None,
+         text="grid of the separation, such as a geoid: GTX, GeoTIFF and other rasters"),
+    Text("vertical_datum", default="", text="name of the vertical datum z = 0, which soundings state"),
     Choice("field", default="none", choices=("none", *FIELDS, "garrett_munk", "grid"),
            text="sound speed that changes across, beside the profile: a front, an even gradient, a solitary "
                 "internal wave on the profile's thermocline, the internal waves of the deep sea, or the grid of a "
@@ -153,6 +161,7 @@ class Seawater(mi.Medium):
         self.casts_by, self.casts_rule = attributes.casts_by, attributes.casts_rule
         self.casts_step = attributes.casts_step
         self.field, self.tide = _field(attributes), _tide(attributes)
+        self.separation, self.vertical_datum = _separation(attributes), attributes.vertical_datum
         self.cast, water = _cast_and_profile(attributes, self.casts)
         mean = getattr(self.field, "profile", None)            # of a grid
         if mean is not None and not attributes.given("profile", "cast", "casts", "sound_speed", "sound_speed_formula",
@@ -309,6 +318,16 @@ def _tide(attributes: Attributes) -> Tide | None:
     """Return the height of the water level, or None."""
     try:
         return None if attributes.tide is None else tides.load(attributes.tide)
+    except ValueError as error:
+        raise attributes.error(error) from None
+
+
+def _separation(attributes: Attributes) -> Separation | None:
+    """Return the height of the datum above the ellipsoid, or None."""
+    if attributes.separation is None and attributes.separation_file is None:
+        return None
+    try:
+        return Separation(constant=attributes.separation or 0.0, path=attributes.separation_file)
     except ValueError as error:
         raise attributes.error(error) from None
 

@@ -44,6 +44,7 @@ from mitsonar.units import hertz_from_khz
 
 from ..attributes import Angle, Attributes, Boolean, Choice, FromTable, Integer, Number, Numbers, Preset, Text
 from ..films.recorder_attributes import read_recorder, recorder_of
+from ..films.strength_attributes import WRITTEN_STRENGTHS, read_strength_writing
 from .array_attributes import MOST_ELEMENTS
 from .array_reading import nominal_sound_speed
 from .motion_errors import DEPTH_GATE, MOTION_ERRORS, depth_gate, motion_errors
@@ -105,7 +106,7 @@ ATTRIBUTES = (
     Text("receive_shading", default="taylor 4 30",
          text="window over the receive elements; each of the two halves whose phases are compared has its part of "
               "the window"),
-    replace(RECEIVE_FLAWS, default=0.1,
+    replace(RECEIVE_FLAWS, default=PRESET,
             text="rms error of each receiver's amplitude [1] and phase [rad], after calibration of the halves: side "
                  "lobes of twice its square over the number of receivers"),
     Numbers("transmit_place", default=(0.0, 0.0, 0.0), count=3, unit="m",
@@ -121,7 +122,11 @@ ATTRIBUTES = (
     Boolean("yaw_stabilised", default=False, text="true: that plane stays across the course, sector by sector"),
     Number("head_speed_error", default=0.0, minimum=-100, maximum=100, unit="m/s",
            text="error of the head's own sound-speed sensor: reading minus true value"),
-    *recorder_of(PRESETS), DEPTH_GATE, SOUND_SPEED, *NOISE, SELF_NOISE, MOTION_ERRORS, pings(20), PASS, ROUTE, *NESTED,
+    *recorder_of(PRESETS),
+    Boolean("recorded_column", default=False,
+            text="true: soundings' water column has `column_recorded_db` too, the levels of the recorder's counts"),
+    WRITTEN_STRENGTHS, DEPTH_GATE, SOUND_SPEED, *NOISE, SELF_NOISE, MOTION_ERRORS, pings(20),
+    PASS, ROUTE, *NESTED,
 )
 
 
@@ -146,12 +151,17 @@ class Multibeam(SonarSensor):
                                        "either way.")
         self.mounting = np.deg2rad(attributes.mounting_deg)
         self.sectors = _sectors(attributes)
+        self.strength_writing = read_strength_writing(attributes, len(self.sectors))
         self.pulse = self.sectors[0].pulse
         self.frequency = self.pulse.frequency
         self.recorder = read_recorder(
             attributes, source_level_db=max(sector.source_level_db for sector in self.sectors),
             width=attributes.transmit_beam_width_deg, pulse_length=self.pulse.compressed_length())
         highest = max(sector.pulse.frequency for sector in self.sectors)
+        if attributes.recorded_column and self.recorder is None:
+            raise attributes.error("recorded_column is true, but the sonar has no recorder; give it one, such as "
+                                   "water_column_8bit.")
+        self.column_recorder = self.recorder if attributes.recorded_column else None
         self.transmit, self.receive = _lines(attributes, self.sectors, self.nominal_sound_speed / highest)
         self.transmit_place, self.receive_place = attributes.transmit_place, attributes.receive_place
         self.motion_errors = motion_errors(attributes)

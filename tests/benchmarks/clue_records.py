@@ -1,11 +1,6 @@
-"""Real and rendered pictures as amplitudes, and what of them clues are taken from: patches of bed, runs of pings.
+"""Real and rendered lines and frames as amplitudes, and patches of frames that clues are taken from.
 
-A rendered record is compared by its variable `recorded`, the counts of its recorder, as it is. Without one, by
-
-    A = 10^((L + 30 log R + 2 a R) / 20)
-
-L -> `level`, R -> `range`, held before the bed's first return at the altitude: a gain that fell with R there would hide
-the transmission. a -> the attribute absorption_db.
+Lines, and what of them clues are taken from, are those of `mitsonar.comparison.sidescan_amplitudes`.
 """
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,28 +8,19 @@ from pathlib import Path
 import numpy as np
 from scipy import ndimage
 
-from clue_features import RUN, patch_clues, run_clues
-
 import mitsonar
-from mitsonar.imaging.picture_statistics import first_return
-from mitsonar.io.xtf import read_amplitudes
+from mitsonar.comparison.clue_features import patch_clues
+from mitsonar.comparison.sidescan_amplitudes import (
+    SIDES,
+    ClueItems,
+    SidescanAmplitudes,
+    amplitudes_of,
+    items_of,
+    rendered_amplitudes,
+)
 
-PATCHES = 14                       # across the bed of a run
 FRAME_PATCH, FRAME_STEP = 32, 16   # samples and beams
 SECTOR = 64                        # beams that are left out together
-NEAR = 2.0                         # [m] beyond the first return, no bed
-DARK = 0.15                        # of the median: patches that are darker lie in shadow
-SIDES = "port", "starboard"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Line:
-    """Amplitudes of a sidescan's line, and how they came about."""
-
-    name: str
-    sides: tuple[np.ndarray, np.ndarray]  # (ping, sample), near range first
-    spacing: float  # [m]: of samples
-    about: str  # what is known of it
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,36 +32,14 @@ class Frames:
     about: str
 
 
-@dataclass(frozen=True, kw_only=True)
-class Items:
-    """Items that clues are taken from."""
-
-    names: tuple[str, ...]  # of clues, F
-    clues: np.ndarray  # (n, F)
-    runs: np.ndarray  # (n,): number of the run of pings, or of the sector of a fan; both sides share it
-    sides: np.ndarray  # (n,): 0 port, 1 starboard; halves of a fan
-    pictures: list  # n arrays (row, sample), to look at
-
-
-def line(path: str) -> Line:
-    """Read a line: XTF as recorded, NPZ with `port`, `starboard` and `spacing`, else what mitsonar.read opens."""
-    if path.lower().endswith(".xtf"):
-        record = read_amplitudes(path)
-        amplitude = record["amplitude"].values.astype(float)
-        return Line(name=Path(path).stem, sides=(amplitude[:, 0], amplitude[:, 1]), about="as recorded",
-                    spacing=float(record["range"].diff("range").mean()))
+def line(path: str) -> SidescanAmplitudes:
+    """Read a line: NPZ with `port`, `starboard` and `spacing`, else what mitsonar.read opens."""
     if path.lower().endswith(".npz"):
         with np.load(path) as file:
             _check_names(path, file, (*SIDES, "spacing"))
-            return Line(name=Path(path).stem, sides=tuple(file[side].astype(float) for side in SIDES),
-                        spacing=float(file["spacing"]), about="amplitudes of a file")
-    image = mitsonar.read(path)
-    if "side" not in image.dims:
-        raise ValueError(f"{path} is a picture of {' x '.join(image.sizes)}, not of two sides; give a sidescan's, "
-                         "or frames by --frames.")
-    amplitude, about = _rendered(image)
-    return Line(name=Path(path).stem, sides=tuple(amplitude.sel(side=side).values for side in SIDES),
-                spacing=float(image.attrs["bin_width"]), about=about)
+            return SidescanAmplitudes(name=Path(path).stem, sides=tuple(file[side].astype(float) for side in SIDES),
+                                      spacing=float(file["spacing"]), about="amplitudes of a file")
+    return amplitudes_of(mitsonar.read(path), Path(path).stem)
 
 
 def frames(path: str) -> Frames:
@@ -88,23 +52,8 @@ def frames(path: str) -> Frames:
     if not {"ping", "beam", "range"} <= set(image["level"].dims):
         raise ValueError(f"{path} is a picture of {' x '.join(image.sizes)}, not of beams by range; give a "
                          "forward-looking sonar's.")
-    amplitude, about = _rendered(image)
+    amplitude, about = rendered_amplitudes(image)
     return Frames(name=Path(path).stem, frames=amplitude.transpose("ping", "beam", "range").values, about=about)
-
-
-def _rendered(image):
-    """Return amplitudes as a DataArray, and what they are."""
-    given = " ".join(f"{name}={value}" for name, value in image.attrs.get("parameters", {}).items())
-    scene = f"{image.attrs.get('file', 'scene')} {given}".strip()
-    if "recorded" in image:
-        return image["recorded"].astype(float), f"counts of its recorder; {scene}"
-    distance = image["range"].astype(float)
-    if "altitude" in image:
-        distance = np.maximum(distance, float(image["altitude"].median()))
-    level = image["level"].astype(float)
-    gain = 30 * np.log10(np.maximum(distance, 1e-2)) + 2 * image.attrs.get("absorption_db", 0.0) * distance
-    amplitude = (10 ** ((level + gain - 120) / 20)).where(level > -190, 0.0)
-    return amplitude.transpose(*level.dims), f"levels, no recorder; {scene}"
 
 
 def _check_names(path, file, wanted):
@@ -150,42 +99,7 @@ def _stacked(path, read):
     return np.stack(read)
 
 
-def bed_items(record: Line) -> Items:
-    """Cut patches of bed, RUN pings by RUN samples, over the median of their range."""
-    patches, runs, sides = [], [], []
-    for number, amplitude in enumerate(record.sides):
-        first = first_return(amplitude, record.spacing)
-        count = amplitude.shape[1]
-        bed = np.ma.array(amplitude, mask=np.arange(count) < first[:, None] + 3)
-        middle = np.maximum(ndimage.gaussian_filter1d(np.ma.median(bed, 0).filled(1.0), 6), 1e-9)
-        for run, start in enumerate(range(0, len(amplitude) - RUN + 1, RUN)):
-            near = int(first[start:start + RUN].max() + NEAR / record.spacing)
-            for place in np.linspace(near, .97 * count - RUN, PATCHES).astype(int) if near < .97 * count - RUN else ():
-                patch = amplitude[start:start + RUN, place:place + RUN] / middle[place:place + RUN]
-                if patch.mean() >= DARK:
-                    patches.append(patch)
-                    runs.append(run)
-                    sides.append(number)
-    return _items(record, patches, patch_clues, runs, sides)
-
-
-def run_items(record: Line) -> Items:
-    """Take runs of RUN pings of a side as a whole."""
-    pictures, runs, sides, clues = [], [], [], []
-    for number, amplitude in enumerate(record.sides):
-        first, other = first_return(amplitude, record.spacing), record.sides[1 - number]
-        for run, start in enumerate(range(0, len(amplitude) - RUN + 1, RUN)):
-            part = slice(start, start + RUN)
-            clues.append(run_clues(amplitude[part], other[part], first[part], record.spacing))
-            pictures.append(amplitude[part])
-            runs.append(run)
-            sides.append(number)
-    names = tuple(dict.fromkeys(name for one in clues for name in one))
-    return _items(record, pictures, None, runs, sides, names,
-                  np.array([[one.get(name, np.nan) for name in names] for one in clues]))
-
-
-def frame_items(record: Frames) -> Items:
+def frame_items(record: Frames) -> ClueItems:
     """Cut patches of ensonified bed out of frames, FRAME_PATCH beams by samples, over their local mean."""
     patches, sectors, halves = [], [], []
     for frame in record.frames:
@@ -199,14 +113,4 @@ def frame_items(record: Frames) -> Items:
                     patches.append(frame[part] / local[part])
                     sectors.append(beam // SECTOR)
                     halves.append(int(beam >= beams // 2))
-    return _items(record, patches, lambda stack: patch_clues(stack, "beam"), sectors, halves)
-
-
-def _items(record, pictures, clues_of, runs, sides, names=(), clues=None):
-    if len(pictures) < 8:
-        raise ValueError(f"{record.name} has {len(pictures)} items to compare; at least 8 are needed: give more pings, "
-                         "or a longer range.")
-    if clues_of:
-        found = clues_of(np.stack(pictures))
-        names, clues = tuple(found), np.stack(list(found.values()), 1)
-    return Items(names=tuple(names), clues=clues, runs=np.array(runs), sides=np.array(sides), pictures=pictures)
+    return items_of(record.name, patches, lambda stack: patch_clues(stack, "beam"), sectors, halves)

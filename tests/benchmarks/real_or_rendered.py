@@ -5,8 +5,8 @@
     python -m tests.benchmarks.real_or_rendered --frames ping.raw=ping.exr -o frames.png
 
 Each pair is a recorded line and a rendered one of the same range, samples and pings a metre; lines are called A, B, C
-in their order, then frames, those of imaging sonars. clue_records.py says what is read and cut, clue_features.py which
-clues there are, telling_apart.py how they are asked.
+in their order, then frames, those of imaging sonars. clue_records.py and mitsonar/comparison/sidescan_amplitudes.py say
+what is read and cut, mitsonar/comparison/clue_features.py which clues there are, telling_apart.py how they are asked.
 
 AUC: the chance that a real item has the higher value; 0.5 is no clue, 0 and 1 always tell. Three yardsticks stand
 beside it, without their sign (0.5 to 1):
@@ -30,13 +30,21 @@ import mitsonar  # noqa: F401  (chooses libLLVM: must come before anything that 
 
 import clue_records
 import numpy as np
-from clue_records import Items
-from telling_apart import auc, by_folds, error, folded, forest, logistic
+from telling_apart import by_folds, folded, forest, logistic
+
+from mitsonar.comparison.sidescan_amplitudes import (
+    ClueItems,
+    SidescanAmplitudes,
+    auc,
+    auc_error,
+    bed_items,
+    run_items,
+)
 
 STRONGEST = 10
 MOST_ROWS = 25
 APART = 0.03                       # of the spacing of samples
-KINDS = {"patches of bed": clue_records.bed_items, "runs of pings": clue_records.run_items}
+KINDS = {"patches of bed": bed_items, "runs of pings": run_items}
 FRAME_KINDS = {"patches of frames": clue_records.frame_items}
 LEARNERS = {"forest": forest, "logistic": logistic}
 
@@ -46,8 +54,8 @@ class Pair:
     """A real line or its frames, and the rendered twin, cut into items of one kind."""
 
     letter: str
-    real: Items
-    rendered: Items
+    real: ClueItems
+    rendered: ClueItems
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,7 +138,7 @@ def _about(records, tuned):
 
 
 def _size(record):
-    if isinstance(record, clue_records.Line):
+    if isinstance(record, SidescanAmplitudes):
         pings, samples = record.sides[0].shape
         return f"{pings} pings x 2 x {samples} samples of {100 * record.spacing:.1f} cm"
     return "{} frames x {} beams x {} samples".format(*record.frames.shape)
@@ -150,7 +158,7 @@ def _aligned(items, names):
     """Return items with the clues of all pairs; those that one lacks are NaN."""
     column = {name: items.clues[:, number] for number, name in enumerate(items.names)}
     missing = np.full(len(items.clues), np.nan)
-    return Items(names=names, clues=np.stack([column.get(name, missing) for name in names], 1), runs=items.runs,
+    return ClueItems(names=names, clues=np.stack([column.get(name, missing) for name in names], 1), runs=items.runs,
                  sides=items.sides, pictures=items.pictures)
 
 
@@ -237,7 +245,7 @@ def _stacked(*sets):
 def _within(learn, real, rendered):
     clues, is_real, runs = _stacked(real, rendered)
     scores = by_folds(learn, clues, is_real, runs)
-    return auc(*_parted(scores, is_real)), error(scores, is_real, runs)
+    return auc(*_parted(scores, is_real)), auc_error(scores, is_real, runs)
 
 
 def _transfer(learn, pair, others):
@@ -248,7 +256,7 @@ def _transfer(learn, pair, others):
     learned = learn(np.concatenate([one[0] for one in taught]), np.concatenate([one[1] for one in taught]))
     clues, is_real, runs = _stacked(pair.real, pair.rendered)
     scores = learned(clues)
-    return auc(*_parted(scores, is_real)), error(scores, is_real, runs)
+    return auc(*_parted(scores, is_real)), auc_error(scores, is_real, runs)
 
 
 def _columns(rows):

@@ -8,20 +8,9 @@ of items that were not learned from: whole runs of pings are left out together, 
 """
 import numpy as np
 
-from mitsonar.dataset.scores import auc as area_under
-
 TREES, LEAF = 80, 3
 RIDGE = 3.0                        # of standardised clues, against a sum over items
 FOLDS = 5
-DRAWS = 200                        # of runs, for the standard error
-
-
-def auc(real, rendered):
-    """Return the chance that a real value is above a rendered one; NaN of fewer than four."""
-    real, rendered = (np.asarray(values, float)[np.isfinite(values)] for values in (real, rendered))
-    if min(real.size, rendered.size) < 4:
-        return np.nan
-    return area_under(np.concatenate((real, rendered)), np.arange(real.size + rendered.size) < real.size)
 
 
 def folded(value):
@@ -70,17 +59,6 @@ def by_folds(learn, clues, real, runs):
         if left_out.any() and 0 < real[~left_out].mean() < 1:
             scores[left_out] = learn(clues[~left_out], real[~left_out])(clues[left_out])
     return scores
-
-
-def error(scores, real, runs):
-    """Return the standard error of the AUC of scores: whole runs drawn anew."""
-    rng, names = np.random.default_rng(0), np.unique(runs)
-    places = [np.flatnonzero(runs == name) for name in names]
-    drawn = []
-    for _ in range(DRAWS):
-        chosen = np.concatenate([places[one] for one in rng.integers(0, names.size, names.size)])
-        drawn.append(auc(scores[chosen][real[chosen]], scores[chosen][~real[chosen]]))
-    return float(np.nanstd(drawn)) if np.isfinite(drawn).any() else np.nan
 
 
 def _standardised(clues):

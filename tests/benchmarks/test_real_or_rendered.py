@@ -4,13 +4,14 @@ Patches are 64 x 64 independent Rayleigh amplitudes behind three taps along rang
 error of 1/64, CV one of about 1 % of its value; of 40 patches 0.0025 and 0.001. Left out of the closed form are edges,
 where the local mean repeats samples, and the second order in its own variance, 0.27 x 0.0022. Tolerance 0.007.
 """
-import clue_features
 import clue_records
 import numpy as np
 import pytest
 import real_or_rendered
 import telling_apart
 import xarray as xr
+
+from mitsonar.comparison import clue_features, sidescan_amplitudes
 
 
 def patches(k, count=40, seed=0):
@@ -28,10 +29,10 @@ def test_a_low_pass_of_three_taps_ties_correlation_to_variation(k, r1, variation
 
 
 def test_auc_counts_pairs():
-    assert telling_apart.auc(range(10, 20), range(10)) == 1
-    assert telling_apart.auc(np.ones(9), np.ones(5)) == 0.5
-    assert telling_apart.auc([1, 2, 3, 4, np.nan], [2, 3, 4, 5]) == (3 * .5 + 3) / 16
-    assert np.isnan(telling_apart.auc([1, 2, 3], range(9)))
+    assert sidescan_amplitudes.auc(range(10, 20), range(10)) == 1
+    assert sidescan_amplitudes.auc(np.ones(9), np.ones(5)) == 0.5
+    assert sidescan_amplitudes.auc([1, 2, 3, 4, np.nan], [2, 3, 4, 5]) == (3 * .5 + 3) / 16
+    assert np.isnan(sidescan_amplitudes.auc([1, 2, 3], range(9)))
 
 
 def test_a_forest_learns_what_no_straight_line_can_part():
@@ -40,7 +41,7 @@ def test_a_forest_learns_what_no_straight_line_can_part():
     real = clues[:, 0] * clues[:, 1] > 0
     other = rng.normal(size=(400, 6))
     truth = other[:, 0] * other[:, 1] > 0
-    forest, line = (telling_apart.auc(scores[truth], scores[~truth]) for scores in (
+    forest, line = (sidescan_amplitudes.auc(scores[truth], scores[~truth]) for scores in (
         telling_apart.forest(clues, real)(other), telling_apart.logistic(clues, real)(other)))
     assert forest > .85
     assert abs(line - .5) < .12                                       # 4 standard errors of 200 against 200
@@ -63,9 +64,9 @@ def test_folds_leave_whole_runs_out():
     real = np.repeat(rng.random(30) < .5, 10)
     scores = telling_apart.by_folds(telling_apart.forest, clues, real, runs)
     learned = telling_apart.forest(clues, real)(clues)
-    assert telling_apart.auc(learned[real], learned[~real]) > .95     # what a leak would look like
-    assert telling_apart.auc(scores[real], scores[~real]) < .75
-    assert telling_apart.error(scores, real, runs) > .05
+    assert sidescan_amplitudes.auc(learned[real], learned[~real]) > .95     # what a leak would look like
+    assert sidescan_amplitudes.auc(scores[real], scores[~real]) < .75
+    assert sidescan_amplitudes.auc_error(scores, real, runs) > .05
 
 
 def test_a_rendered_record_is_compared_by_its_counts():
@@ -73,12 +74,12 @@ def test_a_rendered_record_is_compared_by_its_counts():
                          coords={"range": [1.0, 10.0, 20.0]})
     image = xr.Dataset({"level": level}, attrs={"absorption_db": 0.1, "parameters": {"depth": "20"}})
     image["altitude"] = "ping", np.full(2, 10.0)
-    amplitude, about = clue_records._rendered(image)
+    amplitude, about = sidescan_amplitudes.rendered_amplitudes(image)
     gain = 20 * np.log10(amplitude.values[0, 0]) + 60
     assert gain == pytest.approx([32, 32, 30 * np.log10(20) + 4])     # held before the first return
     assert "no recorder" in about and "depth=20" in about
     image["recorded"] = level.dims, np.arange(12, dtype=np.uint16).reshape(2, 2, 3)
-    counts, about = clue_records._rendered(image)
+    counts, about = sidescan_amplitudes.rendered_amplitudes(image)
     assert np.array_equal(counts, image["recorded"]) and about.startswith("counts")
 
 
@@ -104,7 +105,7 @@ def test_frames_of_files_are_beams_by_samples(tmp_path):
 def write_line(path, k, seed):
     """Write a line of 256 pings: water to 4 m, then bed, behind three taps."""
     sides = {}
-    for side, drawn in zip(clue_records.SIDES, np.random.default_rng(seed).rayleigh(size=(2, 256, 322))):
+    for side, drawn in zip(sidescan_amplitudes.SIDES, np.random.default_rng(seed).rayleigh(size=(2, 256, 322))):
         drawn[:, :100] *= .02                                                     # samples of 4 cm
         sides[side] = k * drawn[:, :-2] + (1 - 2 * k) * drawn[:, 1:-1] + k * drawn[:, 2:]
     np.savez(path, spacing=.04, **sides)
@@ -134,7 +135,7 @@ def test_lines_of_one_kind_cannot_be_told_apart(tmp_path):
     cut = []
     for seed in (1, 2):
         write_line(tmp_path / f"{seed}.npz", .1, seed)
-        cut.append(clue_records.bed_items(clue_records.line(str(tmp_path / f"{seed}.npz"))))
+        cut.append(sidescan_amplitudes.bed_items(clue_records.line(str(tmp_path / f"{seed}.npz"))))
     area, spread = real_or_rendered._within(telling_apart.logistic, *cut)
     assert abs(area - .5) < .12 and spread < .1                       # 3 to 4 standard errors of 112 against 112
 

@@ -63,12 +63,12 @@ def test_a_mosaic_is_a_geotiff_of_the_lines(record):
 
 
 @pytest.mark.parametrize("arguments, words", [
-    (["convert", "low.exr", "a.jsf"], "must end in .xtf, .exr, .nc, .tif, .tiff, .h5 or .hdf5"),
+    (["convert", "low.exr", "a.sdf"], "must end in .xtf, .jsf, .exr, .nc, .tif, .tiff, .h5 or .hdf5"),
     (["convert", "none.exr", "a.xtf"], "there is no such file"),
     (["convert", "scene.xml", "a.xtf"], "it is no EXR, netCDF"),
     (["convert", "low.exr", "none/a.xtf"], "does not exist; make it first"),
     (["convert", "low.exr", "high.exr", "a.nc"], "do not go into one nc file"),
-    (["convert", "low.exr", "a.nc", "--tvg", "none"], "--tvg applies to XTF files"),
+    (["convert", "low.exr", "a.nc", "--tvg", "none"], "--tvg applies to XTF and JSF files"),
     (["convert", "low.exr", "a.xtf", "--start", "noon"], "--start is 'noon'"),
     (["convert", "low.exr", "a.xtf", "--start", "1950-01-01"], "1970 to 9999"),
     (["mosaic", "low.exr", "high.exr", "-o", "a.tif"], "whose levels cannot be combined"),

@@ -23,7 +23,6 @@ OPTIONS = {
     "nowhere": (["--place", "91", "200"], "place is 91, 200; give latitude and longitude"),
     "threads": (["--threads", "4"], "--threads applies to scenes only"),
     "seed": (["--seed", "4"], "--seed applies to scenes only"),
-    "tide": (["--tide", "0"], "--tide applies to scenes only"),
     "speed": (["--head-speed", "nan"], "is nan"),
 }
 

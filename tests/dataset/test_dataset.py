@@ -7,8 +7,8 @@ import pytest
 from labelled_sidescan import labelled
 
 import mitsonar
-from mitsonar.dataset.labels.frames import frames
 from mitsonar.io.records import exr
+from mitsonar.labels.frames import frames
 
 
 @pytest.fixture(scope="module")

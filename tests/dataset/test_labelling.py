@@ -11,12 +11,12 @@ from PIL import Image
 from rasterio.features import rasterize
 
 from mitsonar.dataset.labels import Labels, write
-from mitsonar.dataset.labels.annotations import annotations, clipped, is_invisible
-from mitsonar.dataset.labels.frames import Tile, frames, tiles
-from mitsonar.dataset.labels.pictures import greys
-from mitsonar.dataset.labels.polygons import joined, polygons
 from mitsonar.imaging.objects import object_bins
 from mitsonar.io.records import exr
+from mitsonar.labels.annotations import annotations, clipped, is_invisible
+from mitsonar.labels.frames import Tile, frames, tiles
+from mitsonar.labels.pictures import greys
+from mitsonar.labels.polygons import joined, polygons
 
 
 def filled(rings, shape):

@@ -10,10 +10,10 @@ from synthetic_fan import BOXES, fan, head
 
 from mitsonar.cli import main as cli
 from mitsonar.dataset.labels import Labels, write
-from mitsonar.dataset.labels.annotations import annotations
-from mitsonar.dataset.labels.frames import frames
-from mitsonar.dataset.labels.pictures import greys
 from mitsonar.io.records import exr
+from mitsonar.labels.annotations import annotations
+from mitsonar.labels.frames import frames
+from mitsonar.labels.pictures import greys
 
 CELL = 0.05
 

@@ -10,11 +10,11 @@ from PIL import Image
 import mitsonar
 from mitsonar.cli.main import main as cli
 from mitsonar.dataset.labels import Labels, write
-from mitsonar.dataset.labels.annotations import annotations
-from mitsonar.dataset.labels.frames import frames
 from mitsonar.imaging.objects import object_bins
 from mitsonar.io import reading
 from mitsonar.io.records import exr
+from mitsonar.labels.annotations import annotations
+from mitsonar.labels.frames import frames
 
 ROWS, COLUMNS = 50, 90
 

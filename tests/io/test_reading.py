@@ -20,7 +20,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def test_text_and_pictures(tmp_path):
-    from mitsonar.dataset.labels.pictures import write_png
+    from mitsonar.labels.pictures import write_png
 
     (tmp_path / "annotations.json").write_text('{"images": []}\n')
     (tmp_path / "manifest.jsonl").write_text('{"index": 0}\n{"index": 1}\n')

@@ -53,7 +53,7 @@ def test_what_is_no_line_is_refused_in_a_sentence(blocks, options, said, tmp_pat
 
 
 def test_another_suffix_is_answered_by_those_that_are_known(tmp_path):
-    with pytest.raises(ValueError, match=r"\.gsf, \.kmall, \.nc, \.csv or \.las"):
+    with pytest.raises(ValueError, match=r"\.gsf, \.kmall, \.s7k, \.nc, \.csv or \.las"):
         survey_lines.write(LINE, tmp_path / "line.xyz")
 
 

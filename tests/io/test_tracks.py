@@ -98,7 +98,7 @@ def test_what_is_no_text_file_is_refused(tmp_path):
         tracks.read(tmp_path / "missing.csv")
     with pytest.raises(ValueError, match="not a text file"):
         tracks.read(written(tmp_path, PLAIN, "utf-16"))
-    with pytest.raises(ValueError, match="it is a folder; give the path of a CSV or XTF file"):
+    with pytest.raises(ValueError, match="it is a folder; give the path of a CSV, XTF, SBET or POS MV file"):
         tracks.read(tmp_path)
 
 

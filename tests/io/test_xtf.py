@@ -103,7 +103,12 @@ def test_pyxtf_reads_every_field_alike(record, tmp_path):
     _, _, _, expected = xtf_by_bytes.read(tmp_path / "a.xtf")
     assert header.channel_count() == 2 and [info.TypeOfChannel for info in header.sonar_info] == [1, 2]
     assert {kind.name: len(found) for kind, found in packets.items()} == {"notes": 2, "pos_raw_navigation": 40,
-                                                                          "sonar": 40}
+                                                                          "attitude": 40, "sonar": 40}
+    for packet, other in zip(packets[pyxtf.XTFHeaderType.attitude], expected, strict=True):
+        assert (packet.Pitch, packet.Roll, packet.Heading) == (other["pitch"], other["roll"], other["heading"])
+        assert packet.Millisecond // 10 - other["hundredths"] in (0, -1) and packet.Second == other["second"]
+        assert packet.SourceEpoch + 1e-6 * packet.EpochMicroseconds == pytest.approx(
+            STARTED + 0.1 * other["number"], abs=1e-9 + 2e-7)
     for ping, other in zip(packets[pyxtf.XTFHeaderType.sonar], expected, strict=True):
         assert (ping.SensorXcoordinate, ping.SensorYcoordinate) == (other["east"], other["north"])
         assert (ping.SensorHeading, ping.SensorPitch, ping.SensorRoll) == (other["heading"], other["pitch"],

@@ -19,9 +19,10 @@ from mitsonar.cli import main as cli
 from mitsonar.hydrography.record import variable
 from mitsonar.hydrography.reduction import ray_paths
 from mitsonar.hydrography.reduction.resounding import resounded
+from mitsonar.hydrography.vertical_angles import vertical_angle
 from mitsonar.io.records import netcdf
 from mitsonar.plots import canvas
-from mitsonar.plots.lines import line_maps, line_sheet, ray_plot, water_column
+from mitsonar.plots.lines import line_maps, ray_plot, water_column
 from mitsonar.propagation import eigenray
 from mitsonar.water import SoundSpeedProfile
 
@@ -203,7 +204,7 @@ def test_a_ping_is_seen_by_its_own_head():
         for axes in (None, ray_paths.receiving_axes(two, ping, head, np.array([0.1]))):
             towards = ray_paths.launches(head, np.zeros(1), np.zeros(1), axes)[0]
             assert np.rad2deg(np.arctan2(towards[1], towards[2])) == pytest.approx((-40, 40)[ping % 2 == 0])
-    angles = line_sheet.vertical_angle(two)
+    angles = vertical_angle(two)
     assert np.tan(angles[5, 20]) == pytest.approx(-0.5 / float(two["depth"][5, 20] - HEAD))
 
 

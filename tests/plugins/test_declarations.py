@@ -116,7 +116,7 @@ def test_files_that_our_plugins_and_those_of_mitsuba_read(reference):
     assert found["sidescan"] == {"track"} | patterns
     assert found["array_sonar"] == {"track", "transmit_file", "receive_file"}
     assert found["bathymetry"] == {"filename", "sediment_map", "sediment_classes"}
-    assert found["seawater"] == {"cast", "casts", "field_file", "tide"}
+    assert found["seawater"] == {"cast", "casts", "field_file", "separation_file", "tide"}
     assert found["targets"] == {"meshes"} and found["lambert"] == set()
     for kind in ("bitmap", "ply", "obj", "gridvolume", ""):
         assert set(reference.input_files(kind)) == {"filename"}

@@ -9,12 +9,12 @@ from PIL import Image
 
 import mitsonar
 from mitsonar import plots
-from mitsonar.dataset.labels.rules import Labels
 from mitsonar.dataset.labels.writing import write as write_labels
 from mitsonar.imaging import recorded_levels
 from mitsonar.io.records import exr
 from mitsonar.io.xtf import xtf
 from mitsonar.io.xtf.amplitudes import read_amplitudes
+from mitsonar.labels.rules import Labels
 from mitsonar.sonar.preset_tables import recorders
 
 RECORDED = tuple(kind for kind in KINDS if kind != "synthetic_aperture")       # whose echoes are focused, not shown

@@ -30,9 +30,11 @@ FLOORS = """
     verbs
     inversion
     plots
+    labels
     viewing
     validation
     sweep dataset
+    comparison
     cli
     __main__
 """

@@ -12,24 +12,15 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import numpy as np
-
 from mitsonar.device.files import FilePath, check_writable, full_disk_said
-from mitsonar.imaging.focused import bin_dims, is_focused
-from mitsonar.imaging.objects import check_labelled
+from mitsonar.labels import coco, yolo
+from mitsonar.labels.annotations import HIGHLIGHT
+from mitsonar.labels.labelling import MASKS, labelled
+from mitsonar.labels.pictures import write_png
+from mitsonar.labels.rules import Labels
 
 from ..sources import Source, class_order, find_sources
 from ..split import deal
-from . import coco, yolo
-from .annotations import HIGHLIGHT, WHOLE, annotations, clipped, is_invisible
-from .frames import frames, tiles
-from .pictures import greys, write_png
-from .rules import Labels
-
-MOST_INSTANCES = 65535             # that fit into masks of 16 bits
-MOSTLY = 0.5                       # least share of a focused image's pings that do not see a shadow
-PLACE = ("crs", "local_origin")    # position of x = y = 0 on a map
-MASKS = ("instance", "class", "shadow", "bed_shadow")
 
 
 @dataclass(kw_only=True)
@@ -141,15 +132,6 @@ def _classes(sources, wanted):
     return list(wanted)
 
 
-def _dark(dataset):
-    """Return a mask of the bins in shadow of the bed rather than of objects, over the dimensions of the truth."""
-    dims = bin_dims(dataset)
-    dark = dataset["shadow"].transpose(*dims).values > (MOSTLY if is_focused(dataset) else 0)
-    if "object_shadow" in dataset:
-        dark &= dataset["object_shadow"].transpose(*dims).values == 0
-    return dark
-
-
 class _Writer:
     def __init__(self, folder, labels, numbers):
         self.folder, self.labels, self.numbers = folder, labels, numbers
@@ -165,36 +147,17 @@ class _Writer:
     def image(self, source, home):
         """Write the pictures of an image into the subset ``home``."""
         subset = self.subsets[home]
-        dataset = source.read()
-        check_labelled(dataset, source.path)
-        pictures = frames(dataset, source.path, self.labels.form, self.labels.cell)
-        shown = greys(dataset, pictures, tvg=self.labels.tvg, window=self.labels.window)
-        annotated = annotations(dataset, pictures, threshold=self.labels.threshold, smallest=self.labels.smallest,
-                                above_noise_db=self.labels.above_noise_db, whole=self.labels.whole)
-        dark = _dark(dataset) if self.labels.masks and "shadow" in dataset else None
-        description = {"source": source.path.name, "seabed": source.seabed, "seed": source.seed,
-                       "parameters": source.parameters, "window_db": [round(value, 3) for value in shown.window],
-                       "grey": f"{shown.words} [{shown.unit}]"}
-        if is_focused(dataset):
-            description |= {name: dataset.attrs[name] for name in PLACE if dataset.attrs.get(name) is not None}
+        pictures, shown = labelled(source.read(), source.path, self.labels)
+        about = {"source": source.path.name, "seabed": source.seabed, "seed": source.seed,
+                 "parameters": source.parameters}
         # pictures of pings in a row are a video, unless each is cut into tiles
         in_a_row = len({frame.ping for frame in pictures}) == len(pictures) > 1
         video = self._video(source.name, subset) if in_a_row and self.labels.tile is None else None
-        for number, (frame, pieces) in enumerate(zip(pictures, annotated, strict=True)):
-            picture = shown.draw(frame)
-            shadow = np.zeros(picture.shape, bool) if dark is None else frame.lay(dark)
-            seen = [piece for piece in pieces if not is_invisible(piece, picture)]
-            self.counts["invisible"] += len(pieces) - len(seen)
-            for tile in tiles(frame, self.labels.tile, self.labels.overlap):
-                name = f"{source.name}_{frame.name}" if frame.name else source.name
-                name += f"_{tile.row}_{tile.column}" * (self.labels.tile is not None)
-                inside = [piece for piece in (clipped(whole, tile, self.labels.smallest) for whole in seen)
-                          if piece and piece.shown >= self.labels.min_visible]
-                where = {"ping": frame.ping, "row": tile.row, "column": tile.column, **description,
-                         **frame.metres(tile.row, tile.column),
-                         **({} if video is None else {"video_id": video, "frame_id": number})}
-                part = np.s_[tile.row:tile.row + tile.height, tile.column:tile.column + tile.width]
-                self._tile(name, picture[part], shadow[part], inside, where, subset)
+        for tile in shown:
+            self.counts["invisible"] += tile.invisible
+            where = {**tile.description, **about,
+                     **({} if video is None else {"video_id": video, "frame_id": tile.number})}
+            self._tile(f"{source.name}_{tile.ending}" if tile.ending else source.name, tile, where, subset)
 
     def _video(self, name, subset):
         """Return the number of a new video."""
@@ -208,9 +171,10 @@ class _Writer:
             return None
         return self.tracks.setdefault((description["video_id"], piece.category, piece.name), len(self.tracks) + 1)
 
-    def _tile(self, name, picture, shadow, pieces, description, subset):
+    def _tile(self, name, tile, description, subset):
         if name in self.names:
             raise ValueError(f"two pictures would both be named {name}; rename a file, or process them separately.")
+        pieces, picture = tile.pieces, tile.picture
         if self.labels.drop_empty and not pieces:
             self.counts["empty"] += 1
             return
@@ -222,7 +186,8 @@ class _Writer:
         subset.images.append({"id": number, "file_name": f"{name}.png", "height": height, "width": width,
                               **description})
         if self.labels.masks:
-            self._masks(name, shadow, pieces)
+            for kind, mask in tile.masks(self.numbers, name).items():
+                write_png(mask, self.folder / "masks" / kind / f"{name}.png")
         if self.labels.yolo:
             lines = [yolo.line(piece, self.labels.yolo, self.numbers, height, width) + "\n" for piece in pieces]
             (self.folder / "labels" / f"{name}.txt").write_text("".join(lines), encoding="utf-8")
@@ -231,22 +196,6 @@ class _Writer:
                 self.annotated += 1
                 subset.entries.append(coco.entry(piece, self.annotated, number, self.numbers,
                                                  self._track(description, piece)))
-
-    def _masks(self, name, shadow, pieces):
-        masks = {kind: np.zeros(shadow.shape, np.uint16) for kind in MASKS}
-        masks["bed_shadow"][shadow] = 1
-        for piece in (piece for piece in pieces if piece.kind != WHOLE):
-            if max(piece.label, self.numbers[piece.category]) > MOST_INSTANCES:
-                raise ValueError(f"{name} has objects numbered up to {piece.label}, but masks hold at most "
-                                 f"{MOST_INSTANCES}; leave the masks out.")
-            height, width = piece.mask.shape
-            where = np.s_[piece.row:piece.row + height, piece.column:piece.column + width]
-            masks["instance" if piece.kind == HIGHLIGHT else "shadow"][where][piece.mask] = piece.label
-            masks["bed_shadow"][where][piece.mask] = 0
-            if piece.kind == HIGHLIGHT:
-                masks["class"][where][piece.mask] = self.numbers[piece.category]
-        for kind, mask in masks.items():
-            write_png(mask, self.folder / "masks" / kind / f"{name}.png")
 
     def summary(self, groups):
         """Write the files on all images; `groups` are those of each subset."""

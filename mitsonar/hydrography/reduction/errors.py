@@ -5,11 +5,11 @@ The same times and angles are reduced three times, each time with one more assum
     e_0    true water, true motion, true mounting
     e_1    assumed profile and sound speed at the head
     e_2    also assumed motion and mounting
-    e_3    also an assumed tide, where there is one: the soundings of the line
+    e_3    also an assumed tide, or an assumed separation, where there is one: the soundings of the line
 
     e_k = depth_k - bed(x_k, y_k)
     error_detection = e_0      error_refraction = e_1 - e_0      error_motion = e_2 - e_1
-    error_tide = e_3 - e_2             error = their sum
+    error_tide or error_separation = e_3 - e_2             error = their sum
 
 The depth of the bed is taken at the place of each sounding: on a slope, an error across the track is an error of depth.
 """
@@ -66,9 +66,10 @@ class Errors:
     ----------
     true_depth : array (...) [m]
         Depth of the bed at the places of the soundings.
-    error, error_detection, error_refraction, error_motion, error_tide : array (...) [m]
+    error, error_detection, error_refraction, error_motion, error_tide, error_separation : array (...) [m]
         Errors of depth, positive: too deep. The first is the sum of the others. NaN for soundings without a place,
-        with the assumed or the true quantities. `error_tide` is None without a tide.
+        with the assumed or the true quantities. `error_tide` is None without a tide, `error_separation` where depths
+        are not reduced by heights above the ellipsoid.
     """
 
     true_depth: np.ndarray
@@ -77,6 +78,7 @@ class Errors:
     error_refraction: np.ndarray
     error_motion: np.ndarray
     error_tide: np.ndarray | None = None
+    error_separation: np.ndarray | None = None
 
     def variables(self) -> dict[str, np.ndarray]:
         """Return the errors by their names in a record."""
@@ -85,7 +87,7 @@ class Errors:
 
 def errors(measured: Measured, true: Reduction, used: Reduction, bed: Bed, *,
            at_rest: Measured | None = None, refracted: Measured | None = None,
-           tidal: Reduction | None = None) -> tuple[Located, Errors]:
+           tidal: Reduction | None = None, separated: Reduction | None = None) -> tuple[Located, Errors]:
     """Return soundings and their errors by cause.
 
     Parameters
@@ -102,6 +104,9 @@ def errors(measured: Measured, true: Reduction, used: Reduction, bed: Bed, *,
         Measurement for the second stage, if the head's sound speed changes it.
     tidal : Reduction or None
         Assumed quantities with an assumed tide, which `used` does not have.
+    separated : Reduction or None
+        Assumed quantities with heights above the ellipsoid less an assumed separation, in place of `tidal`; `used` has
+        the same heights less the true one.
 
     Returns
     -------
@@ -114,13 +119,13 @@ def errors(measured: Measured, true: Reduction, used: Reduction, bed: Bed, *,
     first = measured if at_rest is None else at_rest
     second = first if refracted is None else refracted
     stages = [true.located(first), bent.located(second), used.located(measured)]
-    if tidal is not None:
-        stages.append(tidal.located(measured))
+    if (last := tidal or separated) is not None:
+        stages.append(last.located(measured))
     true_depth = [np.asarray(bed(one.x, one.y), float) for one in stages]
     detection, refraction, motion, *rest = (one.depth - depth for one, depth in zip(stages, true_depth))
     return stages[-1], Errors(true_depth=true_depth[-1], error=rest[0] if rest else motion, error_detection=detection,
                               error_refraction=refraction - detection, error_motion=motion - refraction,
-                              error_tide=rest[0] - motion if rest else None)
+                              **{f"error_{'separation' if tidal is None else 'tide'}": rest[0] - motion for _ in rest})
 
 
 def disturbed(motion: PlatformMotion, *, latency: float = 0.0, **added: ArrayLike) -> PlatformMotion:

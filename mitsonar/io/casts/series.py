@@ -1,7 +1,7 @@
 """Several casts with their times or places: for water that changes along a survey line.
 
     a folder        every file in it is a cast, in the order of names
-    one file        that holds several casts, such as a CARIS SVP; or a recorded line, .all, .kmall or .gsf
+    one file        that holds several casts, such as a CARIS SVP; or a recorded line, .all, .kmall, .gsf or .s7k
     a list          a CSV file with the column ``file``; ``time``, ``x`` and ``y``, or ``latitude`` and ``longitude``
 
 A list gives times and places to files that state none. Its names are looked for beside the list. Its times are dates

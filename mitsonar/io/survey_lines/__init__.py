@@ -2,6 +2,7 @@
 
     .gsf          Generic Sensor Format 03.09: soundings, sectors, cast, attitude, snippets
     .kmall        Kongsberg datagrams: the same, and the water column
+    .s7k          records of Teledyne Reson: soundings, cast, attitude
     .nc           the record itself without loss, and beside it the groups of SONAR-netCDF4
     .csv          one sounding a row, units in the header
     .las          a point cloud
@@ -26,7 +27,8 @@ from .lines import Blocks, Place, Written
 __all__ = ["SUFFIXES", "Blocks", "Place", "Written", "check_asked", "read_blocks", "sources", "stored", "write"]
 
 BLOCK, BLOCK_BYTES = 64, 1 << 26   # pings that are read at once, and most of their bytes
-_WRITERS = {".gsf": "gsf.gsf", ".kmall": "kongsberg.kmall", ".nc": "netcdf", ".csv": "table", ".las": "las"}
+_WRITERS = {".gsf": "gsf.gsf", ".kmall": "kongsberg.kmall", ".s7k": "s7k.s7k", ".nc": "netcdf", ".csv": "table",
+            ".las": "las"}
 SUFFIXES = tuple(_WRITERS)
 
 
@@ -72,9 +74,9 @@ def read_blocks(path: FilePath, *, column: bool = True, size: int = BLOCK) -> It
     Parameters
     ----------
     path : str or path
-        An .all, .wcd, .kmall, .kmwcd or .gsf file, or a record in netCDF.
+        An .all, .wcd, .kmall, .kmwcd, .gsf, .s7k, .xtf or .hsx file, or a record in netCDF.
     column : bool
-        Read the water column where there is one.
+        Read the water column and the snippets where there are any.
     size : int
         Number of pings of a block.
 

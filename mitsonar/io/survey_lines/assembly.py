@@ -1,18 +1,22 @@
 """Parts of a line of soundings that file readers return, and the record assembled from them in blocks of pings.
 
 A reader returns one `AssembledLine`, then `Ping` after `Ping`; `dataset` pads and joins them. Readers convert at their
-border: angles are radians here, lengths metres and times seconds after the start of the line.
+border: angles are radians here, lengths metres and times seconds after the start of the line. Soundings of files that
+state angles and times alone are placed by `hydrography.reduction`.
 """
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from datetime import datetime, timezone
+from functools import cached_property
 
 import numpy as np
 import xarray as xr
 
 from mitsonar.hydrography.record import VARIABLES, variable
+from mitsonar.hydrography.reduction.attitude import PlatformMotion
+from mitsonar.hydrography.reduction.resounding import resounded
 
 SLOWEST, FASTEST = 300.0, 3000.0   # [m/s]
 MOST_BEAMS = 4096                  # soundings of a ping, more than any echo sounder has
@@ -20,6 +24,11 @@ MOST_SECTORS = 64
 DEEPEST, FARTHEST = 2e4, 1e5       # [m] of soundings, from the surface and from the ship
 MOST_BYTES = 1 << 32               # of the water column samples that are held at once
 POSE = ("time", "x", "y", "depth", "roll", "pitch", "heading")
+PLACES = ("depth", "x", "y", "across_track", "along_track")
+MEASURED = ("travel_time", "angle", "transmit_angle")
+REDUCTION = ("places by mitsonar, from travel times and angles of the file: rays through the cast, with the head's "
+             "sound speed at the arrays and the ship's way while echoes arrive")
+LEVELS = ("tide", "ping_height", "separation")
 SECTOR = ("frequency", "delay", "angle", "pulse_length", "bandwidth", "source_level_db", "absorption_db")
 
 
@@ -48,6 +57,11 @@ def cast_of(nodes: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
     if not len(nodes):
         raise ValueError("its cast of sound speed is empty.")
     return nodes[:, 0], nodes[:, 1]
+
+
+def uniform_cast(speed: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return depths and sound speeds of water of one speed [m/s], for files without a cast."""
+    return cast_of(np.array([[0.0, speed], [DEEPEST, speed]]))
 
 
 def check_counts(name: str, beams: int, sectors: int = 0) -> None:
@@ -79,7 +93,17 @@ class AssembledLine:
     sectors: int
     column_beams: int = 0
     column_samples: int = 0
+    snippet_samples: int = 0
     left_out: str = ""  # contents of the file that the record cannot hold
+    placed: bool = True  # soundings have places in the file, not angles and times alone
+    levels: tuple[str, ...] = ()  # of LEVELS, those that the file states
+    datum: str = ""  # vertical datum
+    heights: str = ""  # "gnss" if depths follow from heights above the ellipsoid
+
+    @cached_property
+    def platform(self) -> PlatformMotion:
+        """Motion that places soundings, made once for all blocks."""
+        return PlatformMotion(**{name: self.motion[name] for name in POSE})
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -95,6 +119,16 @@ class LineColumn:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class LineSnippets:
+    """Snippets of a ping."""
+
+    rate: float  # [Hz]
+    start: np.ndarray  # (B,) [s]: of the first sample, after the sector's transmission
+    count: np.ndarray  # (B,): samples of each beam
+    level_db: np.ndarray  # [dB]: beam after beam
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Ping:
     """One ping of one receiving head."""
 
@@ -104,6 +138,8 @@ class Ping:
     sectors: dict[str, np.ndarray]  # (S,)
     soundings: dict[str, np.ndarray]  # (B,): by the names of the record's variables
     column: LineColumn | None = None
+    snippets: LineSnippets | None = None
+    levels: dict[str, float] = field(default_factory=dict)  # [m], by names of LEVELS
 
 
 @np.errstate(invalid="ignore", over="ignore")      # invalid soundings may hold NaN and infinity
@@ -115,6 +151,7 @@ def dataset(line: AssembledLine, pings: Sequence[Ping]) -> xr.Dataset:
         "receive_offset": line.receive_offset[0], "receive_mounting": line.receive_mounting[0]}
     values |= {f"motion_{name}": line.motion[name] for name in POSE}
     values |= {f"ping_{name}": np.array([ping.place[name] for ping in pings]) for name in POSE}
+    values |= {name: np.array([ping.levels.get(name, np.nan) for ping in pings]) for name in line.levels}
     values["head_sound_speed"] = np.array([ping.head_sound_speed for ping in pings])
     values |= {f"sector_{name}": _padded([ping.sectors[name] for ping in pings], (line.sectors,), np.nan)
                for name in SECTOR}
@@ -123,9 +160,12 @@ def dataset(line: AssembledLine, pings: Sequence[Ping]) -> xr.Dataset:
     if len(line.receive_offset) > 1:
         values["head"] = np.array([ping.head for ping in pings])
         values |= {"head_receive_offset": line.receive_offset, "head_receive_mounting": line.receive_mounting}
+    if not line.placed:
+        pings = [replace(ping, soundings=_unplaced(ping.soundings)) for ping in pings]
     names = list(pings[0].soundings) if pings else [
         name for name, about in VARIABLES.items() if about.group == "sounding" and about.needed]
-    valid = _padded([_usable(ping.soundings) for ping in pings], (line.beams,), False)
+    usable = _usable if line.placed else _measured
+    valid = _padded([usable(ping.soundings) for ping in pings], (line.beams,), False)
     values["valid"] = valid
     for name in names:
         if name != "valid":
@@ -134,14 +174,19 @@ def dataset(line: AssembledLine, pings: Sequence[Ping]) -> xr.Dataset:
             values[name] = np.where(valid, rows, np.nan) if real else rows
     if line.column_beams:
         values |= _columns(line, pings)
+    if line.snippet_samples:
+        values |= _snippets(line, pings)
     attributes = {"sonar": line.sonar, "title": line.title, "crs": line.crs, "preset": None, "profile": line.profile,
                   "start": datetime.fromtimestamp(line.start, timezone.utc).isoformat().replace("+00:00", "Z"),
                   "backscatter": line.backscatter}
-    if line.left_out:
-        attributes["left_out"] = line.left_out
+    if not line.placed:
+        attributes["reduction"] = REDUCTION
+    attributes |= {name: text for name, text in (("left_out", line.left_out), ("vertical_datum", line.datum),
+                                                 ("heights", line.heights)) if text}
     if line.crs is not None:
         attributes["origin"] = line.origin
-    return xr.Dataset({name: variable(name, value) for name, value in values.items()}, attrs=attributes)
+    record = xr.Dataset({name: variable(name, value) for name, value in values.items()}, attrs=attributes)
+    return record if line.placed else resounded(record, motion=line.platform)
 
 
 def _usable(soundings):
@@ -149,6 +194,16 @@ def _usable(soundings):
     placed = (np.abs(soundings["depth"]) < DEEPEST) & np.isfinite(soundings["x"]) & np.isfinite(soundings["y"])
     near = np.hypot(soundings["across_track"], soundings["along_track"]) < FARTHEST
     return soundings["valid"] & placed & near & _known(soundings["travel_time"]) & _known(soundings["angle"])
+
+
+def _measured(soundings):
+    """Return a mask of soundings that are valid and have a travel time and angles."""
+    return soundings["valid"] & np.logical_and.reduce([np.isfinite(soundings[name]) for name in MEASURED])
+
+
+def _unplaced(soundings):
+    """Return soundings with places that are still unknown."""
+    return soundings | {name: np.full(soundings["valid"].size, np.nan) for name in PLACES}
 
 
 def _known(values):
@@ -165,13 +220,30 @@ def _padded(rows, shape, filling):
     return padded
 
 
+def _check_room(what: str, shape: tuple[int, int, int]) -> None:
+    size = 4 * np.prod(shape, dtype=float)
+    if size > MOST_BYTES:
+        raise ValueError(f"{what} of {shape[0]} pings of {shape[1]} beams of {shape[2]} samples takes "
+                         f"{1e-9 * size:.3g} GB; read fewer pings at a time, or leave it out (water_column=False).")
+
+
+def _snippets(line, pings):
+    """Return the variables of the snippets."""
+    shape = (len(pings), line.beams, line.snippet_samples)
+    _check_room("the snippets", shape)
+    level, samples = np.full(shape, np.nan, np.float32), np.arange(line.snippet_samples)
+    for number, ping in enumerate(pings):
+        if (snippets := ping.snippets) is not None:
+            level[number, :snippets.count.size][samples < snippets.count[:, None]] = snippets.level_db
+    return {"snippet_rate": np.array([ping.snippets.rate if ping.snippets else np.nan for ping in pings]),
+            "snippet_start": _padded([ping.snippets.start if ping.snippets else np.zeros(0) for ping in pings],
+                                     (line.beams,), np.nan), "snippet_db": level}
+
+
 def _columns(line, pings):
     """Return the variables of the water column."""
     shape = (len(pings), line.column_beams, line.column_samples)
-    if 4 * np.prod(shape, dtype=float) > MOST_BYTES:
-        raise ValueError(f"the water column of {shape[0]} pings of {shape[1]} beams of {shape[2]} samples takes "
-                         f"{4e-9 * np.prod(shape, dtype=float):.3g} GB; read fewer pings at a time, or leave it out "
-                         "(water_column=False).")
+    _check_room("the water column", shape)
     rows = {"angle": np.nan, "start": np.nan, "rate": np.nan, "sector": 0}
     empty = np.zeros(0)
     values = {f"column_{name}": _padded([getattr(ping.column, name) if ping.column else empty for ping in pings],

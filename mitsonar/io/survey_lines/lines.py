@@ -17,7 +17,7 @@ from mitsonar.device.earth import Frame, origin
 from mitsonar.hydrography.record import VARIABLES, check
 from mitsonar.version import __version__
 
-# Variables that formats of soundings hold; those of a water column; those of a line of several heads.
+# Variables that formats of soundings hold; those of heights, of a water column, of a line of several heads.
 SOUNDINGS = frozenset({
     "cast_depth", "cast_sound_speed", "transmit_offset", "receive_offset", "transmit_mounting", "receive_mounting",
     "motion_time", "motion_x", "motion_y", "motion_depth", "motion_roll", "motion_pitch", "motion_heading",
@@ -25,10 +25,16 @@ SOUNDINGS = frozenset({
     "sector_frequency", "sector_delay", "sector_angle", "sector_pulse_length", "sector_bandwidth",
     "sector_source_level_db", "sector_absorption_db", "valid", "travel_time", "angle", "transmit_angle", "sector",
     "depth", "x", "y", "across_track", "along_track", "detection", "quality", "uncertainty", "horizontal_uncertainty",
-    "backscatter_db", "snippet_rate", "snippet_start", "snippet_db", "head",
+    "backscatter_db", "snippet_rate", "snippet_start", "snippet_db", "head", "written_backscatter_db",
+    "written_snippet_db",
 })
-COLUMN = frozenset({"column_angle", "column_sector", "column_start", "column_rate", "column_level_db"})
+HEIGHTS = frozenset({"tide", "ping_height"})
+COLUMN = frozenset({"column_angle", "column_sector", "column_start", "column_rate", "column_level_db",
+                    "column_recorded_db"})
 HEADS = frozenset({"head_receive_offset", "head_receive_mounting"})
+WRITTEN = (("backscatter_db", "written_backscatter_db"), ("snippet_db", "written_snippet_db"),
+           ("column_level_db", "column_recorded_db"))      # files hold what the instrument writes
+RESPONSE = frozenset({"normal_incidence_db", "oblique_incidence_db"})      # of formats after Kongsberg's
 
 Blocks = xr.Dataset | Iterable[xr.Dataset]
 Place = tuple[float, float]                # latitude and longitude [degrees]
@@ -71,6 +77,11 @@ class LineToWrite:
         """Name of the sonar."""
         return str(self.first.attrs.get("sonar") or "multibeam")
 
+    @property
+    def datum(self) -> str:
+        """Name of the vertical datum, "" if the line has none."""
+        return str(self.first.attrs.get("vertical_datum") or "")
+
     def provenance(self) -> str:
         """Return one sentence on the origin of the line."""
         about = {name: self.first.attrs.get(name)
@@ -84,7 +95,9 @@ class LineToWrite:
                          if variable in self.first.variables and variable not in held)
         return tuple(text for text in (
             self.placed, f"{empty} ping{'s' if empty > 1 else ''} without beams left out" if empty else "",
-            f"{name} has no room for {lost}: write a .nc to keep them" if lost else "", *others,
+            f"{name} has no room for {lost}: write a .nc to keep them" if lost else "",
+            "strengths are those that the instrument writes; backscatter_db, of the bed, is in a .nc only"
+            if "written_backscatter_db" in self.first else "", *others,
             f"snippets lack snippet_rate, so {name} holds none" if "snippet_db" in self.first
             and "snippet_rate" not in self.first else "") if text)
 
@@ -128,7 +141,8 @@ def pings(line: LineToWrite, block: xr.Dataset) -> Iterator[Ping]:
 
     Each has the variables of the record; beams without an angle and sectors without a frequency are left out. Added are
     ``beam`` (number in the record), ``since`` [s since 1970], ``ping_latitude``, ``ping_longitude``, ``latitude`` and
-    ``longitude`` (of beams; NaN where there is no sounding) [degrees] and ``true_heading`` [rad].
+    ``longitude`` (of beams; NaN where there is no sounding) [degrees], ``true_heading`` [rad], ``level`` [m] of the
+    water above the datum, 0 without a tide, and ``below_surface`` [m] of the reference point.
     """
     arrays = {str(name): value.values for name, value in block.variables.items() if value.dims[:1] == ("ping",)}
     of_beams = {name for name in arrays if block[name].dims[1:2] == ("beam",)}
@@ -146,33 +160,61 @@ def pings(line: LineToWrite, block: xr.Dataset) -> Iterator[Ping]:
         ping["beam"] = np.arange(formed.size)
         for name in (*of_beams, "latitude", "longitude", "beam"):
             ping[name] = ping[name][formed]
+        for name, written in WRITTEN:
+            if written in ping:
+                ping[name] = ping[written]
         sent = np.flatnonzero(np.isfinite(ping["sector_frequency"]))
         sectors = 1 + int(sent[-1]) if sent.size else 1
         for name in of_sectors:
             ping[name] = np.nan_to_num(ping[name][:sectors])
         ping["sector"] = np.clip(ping["sector"], 0, sectors - 1)
-        ping |= {"since": line.start + ping["ping_time"], "ping_latitude": latitude[number],
+        level = float(np.nan_to_num(ping.get("tide", 0.0)))
+        ping |= {"level": level, "below_surface": float(ping["ping_depth"]) + level,
+                 "since": line.start + ping["ping_time"], "ping_latitude": latitude[number],
                  "ping_longitude": longitude[number], "true_heading": ping["ping_heading"] + convergence[number]}
         yield ping
 
 
-def rated(line_pings: Iterable[Ping]) -> Iterator[tuple[Ping, float]]:
-    """Yield pings with the repetition rate of their ping cycle [Hz].
+def formed(line: LineToWrite, blocks: Iterable[xr.Dataset], empty: list[float]) -> Iterator[Ping]:
+    """Yield the pings of blocks that have beams; the times of others are added to ``empty``."""
+    for ping in (ping for block in blocks for ping in pings(line, block)):
+        if ping["valid"].size:
+            yield ping
+        else:
+            empty.append(float(ping["since"]))
 
-    Pings of a second swath or another head, sent before the first echo returns, belong to the same cycle. The last
-    cycle has the rate of the cycle before; a single cycle has 0.
+
+def cycled(line_pings: Iterable[Ping], receivers: np.ndarray) -> Iterator[Ping]:         # (R, 3) [m]
+    """Yield pings with their place in a cycle: fans of other swaths and heads, sent before the first echo returns.
+
+    Added are ``rate`` (of cycles [Hz]: the last has that of the one before, a single one 0), ``cycle`` (its number),
+    ``fans``, ``fan``, ``swaths``, ``swath`` (aft first) and ``heads``; fans are counted by swath, then from port.
     """
     cycle: list[Ping] = []
-    rate = 0.0
+    rate = number = 0.0
+    port_first = np.argsort(np.argsort(receivers[:, 1], kind="stable"), kind="stable")
     for ping in line_pings:
         if cycle:
             first, apart = np.nanmin(cycle[0]["travel_time"], initial=np.inf), ping["since"] - cycle[0]["since"]
             if not 0 <= apart <= (0.5 * first if np.isfinite(first) else 0.0):
                 rate = 1.0 / apart if apart > 0 else rate
-                yield from ((member, rate) for member in cycle)
-                cycle = []
+                yield from _fans(cycle, port_first, rate, int(number))
+                cycle, number = [], number + 1
         cycle.append(ping)
-    yield from ((member, rate) for member in cycle)
+    yield from _fans(cycle, port_first, rate, int(number))
+
+
+def _fans(cycle, port_first, rate, number):
+    of_head: dict[int, list[int]] = {}
+    side = [int(port_first[min(int(ping.get("head", 0)), len(port_first) - 1)]) for ping in cycle]
+    for index, number_from_port in enumerate(side):
+        of_head.setdefault(number_from_port, []).append(index)
+    swath = {index: place for fans in of_head.values() for place, index in enumerate(
+        sorted(fans, key=lambda index: float(np.mean(cycle[index]["sector_angle"]))))}
+    order = sorted(range(len(cycle)), key=lambda index: (swath[index], side[index]))
+    for index, ping in enumerate(cycle):
+        yield ping | {"rate": rate, "cycle": number, "fans": len(cycle), "fan": order.index(index),
+                      "swaths": max(map(len, of_head.values())), "swath": swath[index], "heads": len(port_first)}
 
 
 def _alike(first: xr.Dataset, others: Iterable[xr.Dataset]) -> Iterator[xr.Dataset]:

@@ -104,7 +104,8 @@ def _platform(file, line, passage):
     for name, values, about in (("roll", passage.roll, "starboard down"), ("pitch", passage.pitch, "bow up"),
                                 ("heading", passage.heading % (2 * np.pi), "from true north")):
         _put(attitude, name, ("time",), np.degrees(values), "arc_degree", about)
-    _put(attitude, "vertical_offset", ("time",), -passage.heave, "m", "of the platform's origin below its mean depth")
+    _put(attitude, "vertical_offset", ("time",), passage.depth - passage.depth.mean(), "m",
+         "of the platform's origin below its mean depth")
     north, east, _ = passage.velocity.T
     for name, values, units in (("latitude", passage.latitude, "degrees_north"),
                                 ("longitude", passage.longitude, "degrees_east"),

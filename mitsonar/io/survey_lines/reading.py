@@ -1,6 +1,8 @@
 """Read lines of soundings from files of survey software, whole or in blocks of pings.
 
     .all, .wcd      Kongsberg datagrams until 2018       .kmall, .kmwcd   since then      .gsf   Generic Sensor Format
+    .s7k            records of Teledyne Reson, Norbit and others        .xtf     of R2Sonic and Reson in Triton's format
+    .hsx            text of HYPACK
 
 A water column is read from the file itself or from the file beside it (LINE.wcd, LINE.kmwcd).
 """
@@ -18,22 +20,35 @@ from mitsonar.device.files import FilePath
 
 from .assembly import LineCast, cast_of, dataset
 from .gsf.read_gsf import GsfFile
+from .hypack.hsx import MARK
+from .hypack.read_hsx import HsxFile
 from .kongsberg.read_all import AllFile
 from .kongsberg.read_kmall import KmallFile
+from .s7k.read_s7k import S7kFile
+from .s7k.s7k_records import SYNC
+from .xtf.read_xtf import XtfFile
 
 BLOCK = 64                         # pings
 COLUMNS = {"all": ".wcd", "kmall": ".kmwcd"}
 MAINS = {".wcd": ".all", ".kmwcd": ".kmall"}
-READERS = {"all": AllFile, "kmall": KmallFile, "gsf": GsfFile}
+READERS = {"all": AllFile, "kmall": KmallFile, "gsf": GsfFile, "s7k": S7kFile, "xtf": XtfFile, "hsx": HsxFile}
+LINES = "an .all, .kmall, .gsf, .s7k, .xtf or .hsx file"
 
 
 def recognised(head: bytes) -> str | None:
-    """Return the format of a file, 'all', 'kmall', 'gsf' or None, from its first eight bytes."""
+    """Return the format of a file, a key of `READERS` or None, from its first eight bytes."""
+    if head[4:8] == SYNC:
+        return "s7k"
+    if head == MARK:
+        return "hsx"
     if head[4:5] == b"#":
         return "kmall"
     if head[4:8] in (b"\x00\x00\x00\x01", b"\x80\x00\x00\x01"):
         return "gsf"
-    return "all" if head[4:5] == b"\x02" else None
+    if head[4:5] == b"\x02":
+        return "all"
+    # a brace that opens JSON is followed by text
+    return "xtf" if head[:1] == b"{" and not head[1:2].isspace() and not 32 <= head[1] < 127 else None
 
 
 def read(path: FilePath, *, pings: slice | None = None, water_column: bool = True,
@@ -96,7 +111,7 @@ def sources(path: FilePath) -> tuple[str, ...]:
 
 def _pair(path):
     """Return the file of soundings and the file of the water column beside it, or None."""
-    files.check_readable(path, "the line", "an .all, .kmall or .gsf file")
+    files.check_readable(path, "the line", LINES)
     path = os.fspath(path)
     name, suffix = os.path.splitext(path)
     if main := MAINS.get(suffix.lower()):
@@ -116,9 +131,9 @@ def _format(path):
     with open(path, "rb") as stream:
         kind = recognised(stream.read(8))
     # an EXR image begins like an .all file
-    if kind is None or files.described(path):
+    if kind is None or (kind == "all" and files.described(path)):
         if not os.path.getsize(path):
             raise ValueError(f"cannot read {path}: it is empty.")
         raise ValueError(f"cannot read {path}: it is {files.described(path) or 'another file'}, not a line of "
-                         "soundings; give an .all, .kmall or .gsf file.")
+                         f"soundings; give {LINES}.")
     return kind

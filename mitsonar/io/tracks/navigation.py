@@ -65,6 +65,10 @@ class Navigation:
         From true north if ``geographic``, else from the y axis; None if the file has none: the course.
     geographic : bool
         True for degrees.
+    height : array (P,) [m] or None
+        Above the ellipsoid; None if the file has none.
+    week : bool
+        True if times are seconds of a week that the file does not name.
     """
 
     time: np.ndarray
@@ -76,6 +80,8 @@ class Navigation:
     pitch: np.ndarray
     heading: np.ndarray | None
     geographic: bool = False
+    height: np.ndarray | None = None
+    week: bool = False
 
     def placed(self, frame: Frame | None = None, depth: float = 0.0) -> Track:
         """Return the track in the coordinates of a scene.

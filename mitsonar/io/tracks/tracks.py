@@ -1,4 +1,4 @@
-"""Tracks and way points from files: CSV, with a header and one line per ping, and XTF.
+"""Tracks and way points from files: CSV, with a header and one line per ping, XTF, SBET and POS MV.
 
     time,x,y,z,roll,pitch,heading
     0.0,431000.0,5200000.0,-8.0,0.2,-1.0,270.0
@@ -15,10 +15,13 @@ Positions repeated until the next fix are used once each (`navigation.unrepeated
 Without ``time`` the lines are way points: x and y, or latitude and longitude, and optionally z or depth. A column
 ``line`` numbers survey lines, of which one may be read; `planning.line_files` writes such files.
 
-XTF files are recognised by their first bytes, see `io.xtf.navigation`.
+XTF files are recognised by their first bytes, see `io.xtf.navigation`; SBET and POS MV by theirs (`sbet`, `posmv`).
+Times of an SBET are seconds of a GPS week, unless a date names the week: then they are seconds since 1970, of its own
+clock.
 """
 import os
 import re
+from dataclasses import replace
 
 import numpy as np
 
@@ -28,6 +31,8 @@ from mitsonar.units import radians_from_deg
 
 from ..scene_files import tables
 from ..xtf import navigation as navigation_xtf
+from . import posmv, sbet
+from .gps_time import instant, week_of
 from .navigation import Frame, Navigation, Waypoints, unrepeated
 
 ANGLES = ("roll", "pitch", "heading")
@@ -73,7 +78,7 @@ def read(path: FilePath, *, frame: Frame | None = None, depth: float = 0.0) -> T
     return record.placed(frame, depth)
 
 
-def load(path: FilePath, line: int = 0) -> Navigation | Waypoints:
+def load(path: FilePath, line: int = 0, date: str | None = None) -> Navigation | Waypoints:
     """Read a track or way points as in their file.
 
     Parameters
@@ -81,6 +86,8 @@ def load(path: FilePath, line: int = 0) -> Navigation | Waypoints:
     path : str or path
     line : int
         Number in the column ``line`` of the records to read, without run-ins (``point``); 0 for all.
+    date : str or None
+        Any date of the week, such as "2026-05-01", for a file that counts seconds of a week.
 
     Returns
     -------
@@ -94,7 +101,16 @@ def load(path: FilePath, line: int = 0) -> Navigation | Waypoints:
         If a column is missing or doubled, a field is not a finite number (the line is named), time does not increase,
         a position lies above the sea surface or off the Earth, or the file is empty; for XTF as in `io.xtf.navigation`.
     """
-    check_readable(path, "the track", "a CSV or XTF file")
+    check_readable(path, "the track", "a CSV, XTF, SBET or POS MV file")
+    for known in (posmv, sbet):
+        if known.recognised(path):
+            found = known.read(path)
+            if date is None or not found.week:
+                return found
+            return replace(found, time=found.time + week_of(instant(date, "date of the week")), week=False)
+    if date is not None:
+        raise ValueError(f"a date of the week is given, and the track {path} is no SBET and names its own dates; leave "
+                         "the date out.")
     if navigation_xtf.recognised(path):
         if line:
             raise ValueError(f"cannot read line {line} of the track {path}: XTF holds one line; leave line out.")

@@ -8,28 +8,28 @@ nose up and heave up, as here. The depth is that of the sensor in ping headers; 
 All is interpolated to the clock of positions or of attitude, whichever is finer, over the time both cover. Records that
 cannot be true are left out and counted: impossible dates and places, repeated times, jumps.
 
-The packets' layouts are pyxtf's; the walk from packet to packet is made here, so that a damaged length, or a file of
+The packets' layouts are pyxtf's; `packets.walk` goes from one to the next, so that a damaged length, or a file of
 100 GB, costs neither an endless loop nor memory.
 """
 import logging
-import os
 
 import numpy as np
 
 from mitsonar.device.files import FilePath
 
 from ..tracks.navigation import Navigation, unrepeated
-from .pings import MAGIC, structure
+from .packets import file_header, walk
+from .pings import structure
 
 _log = logging.getLogger(__name__)
 
-_START = 14                        # bytes of a packet from the magic number to its length
 _MOST_BYTES = 512_000_000          # of navigation kept
 _FASTEST = 25.0                    # [m/s], beyond any sonar's platform
+_TICK = 1e-3                       # [s] that clocks may differ, since packets hold times to different digits
 _SLACK = 2.0                       # [m] that positions may jump beside
 _METRES_PER_DEGREE = 111_195.0
 _LARGEST_HEADING = 720.0           # [degrees]
-_VENDORS_PINGS = (65,)             # QINSy R2Sonic, a ping header before data that pyxtf does not know
+_VENDORS_PINGS = (65, 68)          # R2Sonic, a ping header before data that pyxtf does not know
 _LONGEST = 2 * 86400.0             # [s] from the file's median time; beyond it a date is wrong
 _FRACTIONS = {"Microsecond": 1e-6, "Millisecond": 1e-3, "HSeconds": 1e-2}
 
@@ -44,10 +44,15 @@ def recognised(path: FilePath) -> bool:
 def read(path: FilePath) -> Navigation:
     """Read the navigation of an XTF file."""
     try:
-        with np.errstate(invalid="ignore", over="ignore"):      # damaged packets hold any bits as numbers
-            return _navigation(path, *_packets(path))
+        return navigation_of(path)
     except ValueError as error:
         raise ValueError(f"cannot read the track {path}: {error}") from None
+
+
+def navigation_of(path: FilePath) -> Navigation:
+    """Return the navigation of an XTF file; errors do not name the file."""
+    with np.errstate(invalid="ignore", over="ignore"):      # damaged packets hold any bits as numbers
+        return _navigation(path, *_packets(path))
 
 
 def _packets(path):
@@ -60,34 +65,19 @@ def _packets(path):
                23: pyxtf.XTFHeaderGyro, 84: pyxtf.XTFHeaderGyro,
                **dict.fromkeys((*pings, *_VENDORS_PINGS), pyxtf.XTFPingHeader)}
     layouts = {kind: structure(layout) for kind, layout in layouts.items()}
-    size, kept, total = os.path.getsize(path), {}, 0
+    kept, total = {}, 0
     with open(path, "rb") as file:
-        head = file.read(1024)
-        if len(head) < 1024 or head[0] != 123:
-            raise ValueError("it is not an XTF file, which starts with the number 123 and a header of 1024 bytes.")
-        header = pyxtf.XTFFileHeader.from_buffer_copy(head)
-        # a header has room for 6 channels, and grows by 1024 bytes for each 8 more
-        at = 1024 * (1 + max(0, -(-(header.channel_count() - 6) // 8)))
-        while at < size:
-            file.seek(at)
-            start = file.read(_START)
-            magic, kind = int.from_bytes(start[:2], "little"), start[2] if len(start) > 2 else -1
-            length = int.from_bytes(start[10:14], "little")
-            if len(start) == _START and (magic != MAGIC or length < _START):
-                raise ValueError(f"no packet starts at byte {at}: the file is damaged there; record or copy it again.")
-            if len(start) < _START or at + length > size:
-                raise ValueError(f"it ends within a packet that starts at byte {at}: the file is cut off; copy it "
-                                 "again.")
+        header, head = file_header(file)
+        for kind, at, length in walk(file, len(head)):
             if kind in layouts and length >= layouts[kind].itemsize:
                 file.seek(at)
                 kept.setdefault(kind, bytearray()).extend(file.read(layouts[kind].itemsize))
                 total += layouts[kind].itemsize
                 if total > _MOST_BYTES:
                     raise ValueError(f"it holds more than {_MOST_BYTES / 1e6:.0f} MB of navigation; split it.")
-            at += length
-    packets = {kind: np.frombuffer(raw, layouts[kind]) for kind, raw in kept.items()}
-    headers = [packets.pop(kind) for kind in (*pings, *_VENDORS_PINGS) if kind in packets]
-    return header.NavUnits, packets, np.concatenate(headers) if headers else None
+    found = {kind: np.frombuffer(raw, layouts[kind]) for kind, raw in kept.items()}
+    headers = [found.pop(kind) for kind in (*pings, *_VENDORS_PINGS) if kind in found]
+    return header.NavUnits, found, np.concatenate(headers) if headers else None
 
 
 def _navigation(path, units, packets, pings):
@@ -102,7 +92,7 @@ def _navigation(path, units, packets, pings):
         raise ValueError(f"positions are recorded for {time[-1] - time[0]:.0f} s and attitude for "
                          f"{clock[-1] - clock[0]:.0f} s, but never together; the packets' clocks disagree.")
     finer = time if time.size >= clock.size else clock
-    at = finer[(finer >= first) & (finer <= last)]
+    at = finer[(finer >= first - _TICK) & (finer <= last + _TICK)]
     if at.size < 2:
         raise ValueError("positions and attitude are recorded together at less than two times; the packets' clocks "
                          "disagree.")
@@ -149,23 +139,36 @@ def _positions(geographic, packets, pings, dropped):
     raise ValueError("it holds no navigation: no packet has a position; give a track as CSV.")
 
 
-def _times(records, what, dropped):
-    """Return strictly increasing times [s since 1970] and the records' order, without records that have no time."""
+def calendar(records: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return whole seconds (P,) [s since 1970] of calendar fields, and a mask of those whose date can be."""
     fields = {name: records[name].astype(np.int64) for name in ("Year", "Month", "Day", "Hour", "Minute", "Second")}
     month = (fields["Year"] - 1970) * 12 + fields["Month"] - 1
     day = month.astype("datetime64[M]").astype("datetime64[D]") + (fields["Day"] - 1)
     sound = (fields["Year"] >= 1970) & (fields["Month"] >= 1) & (fields["Month"] <= 12) & (fields["Day"] >= 1)
     sound &= (day.astype("datetime64[M]").astype(np.int64) == month) & (fields["Hour"] < 24)
     sound &= (fields["Minute"] < 60) & (fields["Second"] < 61)
-    time = (day.astype(np.int64) * 86400.0 + fields["Hour"] * 3600.0 + fields["Minute"] * 60.0 + fields["Second"])
-    name, unit = next((name, unit) for name, unit in _FRACTIONS.items() if name in records.dtype.names)
+    time = day.astype(np.int64) * 86400.0 + fields["Hour"] * 3600.0 + fields["Minute"] * 60.0 + fields["Second"]
+    return time, sound
+
+
+def dates(records: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the times (P,) [s since 1970] of packets, and a mask of those whose date can be."""
+    time, sound = calendar(records)
+    names = records.dtype.names or ()
+    name, unit = next((name, unit) for name, unit in _FRACTIONS.items() if name in names)
     if name == "Microsecond" and records.dtype[name].itemsize == 2:
         unit = 1e-4                # two bytes hold tenths of milliseconds, whatever pyxtf calls them
     time += records[name] * unit
-    if "EpochMicroseconds" in records.dtype.names:
+    if "EpochMicroseconds" in names:
         epoch = records["SourceEpoch"] > 0
         time = np.where(epoch, records["SourceEpoch"] + 1e-6 * records["EpochMicroseconds"], time)
         sound |= epoch
+    return time, sound
+
+
+def _times(records, what, dropped):
+    """Return strictly increasing times [s since 1970] and the records' order, without records that have no time."""
+    time, sound = dates(records)
     if sound.any():
         sound &= np.abs(time - np.median(time[sound])) <= _LONGEST
     _count(dropped, f"{what} without a sound date", ~sound)

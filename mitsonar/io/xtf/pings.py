@@ -1,8 +1,8 @@
 """Ping headers of XTF files: layouts, times, track and sound speed.
 
 A header's position is in degrees (WGS 84) or in metres, as the file's header states. Headings refer to true north with
-degrees, to the y axis with metres. Times of ping headers are hundredths of a second; those of the navigation packet
-before each are tenths of a millisecond. The layouts of packets are NumPy types with the fields of pyxtf.
+degrees, to the y axis with metres. Times of ping headers are hundredths of a second; those of the packets of navigation
+and attitude before each are tenths of a millisecond. The layouts of packets are NumPy types with the fields of pyxtf.
 """
 from __future__ import annotations
 
@@ -50,7 +50,8 @@ def clock(time: np.ndarray, ticks: int) -> dict[str, np.ndarray]:
             "Second": rest % 60, "Tick": tick, "JulianDay": (date - year).astype(np.int64) + 1}
 
 
-SONAR, NAVIGATION = 0, 107         # types of packets
+SONAR, ATTITUDE, NAVIGATION = 0, 3, 107                  # types of packets
+LATEST_EPOCH = 1 << 32             # [s] since 1970
 HUNDREDTHS, TENTHS_OF_MILLISECONDS = 100, 10_000       # of a second
 
 
@@ -104,6 +105,18 @@ def navigation(passage: XtfPassage) -> Mapping[str, np.ndarray | float]:
             "Microsecond": times["Tick"],                    # as pyxtf calls it
             "RawXcoordinate": passage.x, "RawYcoordinate": passage.y, "Pitch": passage.pitch, "Roll": passage.roll,
             "Heading": passage.heading}
+
+
+def attitude(passage: XtfPassage) -> Mapping[str, np.ndarray | float]:
+    """Return the fields of the attitude packets, one a ping, at the times of the navigation packets."""
+    times = clock(passage.time, TENTHS_OF_MILLISECONDS)
+    second, tick = np.divmod(np.rint(passage.time * TENTHS_OF_MILLISECONDS).astype(np.int64), TENTHS_OF_MILLISECONDS)
+    # the epoch has 32 bits; readers then take the date
+    epoch = np.where(second < LATEST_EPOCH, second, 0)
+    return {"MagicNumber": MAGIC, "HeaderType": ATTITUDE, "NumBytesThisRecord": 64, **_dated(times),
+            "Millisecond": times["Tick"] // 10, "SourceEpoch": epoch,
+            "EpochMicroseconds": np.where(epoch > 0, 100 * tick, 0), "Pitch": passage.pitch, "Roll": passage.roll,
+            "Heading": passage.heading, "TimeTag": np.rint(1e3 * (passage.time - passage.time[0])) % (1 << 32)}
 
 
 def ping_headers(passage: XtfPassage, channels: int, length: int) -> Mapping[str, np.ndarray | float]:

@@ -35,11 +35,15 @@ class Scale:
         """Return the gain [dB] at slant ranges [m]."""
         return self.spreading_db * np.log10(np.maximum(slant_range, 1e-3)) + self.absorption_db * slant_range
 
-    def samples(self, level: np.ndarray, slant_range: np.ndarray) -> tuple[np.ndarray, int]:
-        """Return samples (..., N) uint16 of levels (..., N) [dB re 1 µPa], and how many are saturated."""
+    def amplitude(self, level: np.ndarray, slant_range: np.ndarray) -> np.ndarray:
+        """Return amplitudes (..., N), 1 for a step, of levels (..., N) [dB re 1 µPa] at slant ranges [m]."""
         sound = np.isfinite(level) & (level > NOTHING_DB)
         raised = np.where(sound, level, -np.inf) + self.gain(slant_range) - self.offset_db
-        amplitude = np.rint(10 ** (np.minimum(raised, 200.0) / 20))
+        return 10 ** (np.minimum(raised, 200.0) / 20)
+
+    def samples(self, level: np.ndarray, slant_range: np.ndarray) -> tuple[np.ndarray, int]:
+        """Return samples (..., N) uint16 of levels (..., N) [dB re 1 µPa], and how many are saturated."""
+        amplitude = np.rint(self.amplitude(level, slant_range))
         return np.minimum(amplitude, FULL).astype(np.uint16), int(np.count_nonzero(amplitude > FULL))
 
     def levels(self, samples: np.ndarray, slant_range: np.ndarray) -> np.ndarray:

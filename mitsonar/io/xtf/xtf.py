@@ -28,7 +28,7 @@ from mitsonar.device.files import FilePath, replacing
 from mitsonar.imaging.gain import Tvg
 from mitsonar.version import __version__
 
-from .pings import XtfPassage, navigation, passage_of, ping_headers, structure
+from .pings import XtfPassage, attitude, navigation, passage_of, ping_headers, structure
 from .samples import Scale, scale_of
 
 MOST_RECORDS = 3                   # two channels each; the header has room for six
@@ -189,7 +189,8 @@ def _ascii(text, most):
 
 MOST_BYTES = (1 << 31) - 1         # of a file, which readers address by signed 32-bit numbers
 BLOCK_BYTES = 1 << 24              # written at once
-PACKET = NAVIGATION_BYTES = 64     # bytes: packet lengths are multiples of it; length of a navigation packet
+PACKET = 64                        # bytes: packet lengths are multiples of it, and those of navigation and attitude
+BEFORE_PING = 2 * PACKET           # bytes
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -258,7 +259,7 @@ def write(records: xr.Dataset | Sequence[xr.Dataset], path: FilePath, *, tvg: Tv
     passage = passage_of(lines[0], start, known if geographic is None else geographic)
     channels = [channels_of(line, tvg) for line in lines]
     length = _padded(256 + sum(2 * (64 + 2 * each.count) for each in channels))
-    total = 1024 + (NAVIGATION_BYTES + length) * passage.time.size
+    total = 1024 + (BEFORE_PING + length) * passage.time.size
     if total > MOST_BYTES:
         raise ValueError(f"the file would have {total / 1e9:.3g} GB, more than the {MOST_BYTES / 1e9:.3g} GB that "
                          "readers of XTF can address; write fewer pings at a time.")
@@ -276,14 +277,16 @@ def write(records: xr.Dataset | Sequence[xr.Dataset], path: FilePath, *, tvg: Tv
 
 def _packets(channels, passage, length) -> Iterator[tuple[np.ndarray, int]]:
     """Yield blocks of packets, and the number of their saturated samples."""
-    fields = [("navigation", structure(pyxtf.XTFPosRawNavigation)), ("ping", structure(pyxtf.XTFPingHeader))]
+    fields = [("navigation", structure(pyxtf.XTFPosRawNavigation)), ("attitude", structure(pyxtf.XTFAttitudeData)),
+              ("ping", structure(pyxtf.XTFPingHeader))]
     for number, each in enumerate(channels):
         for side in SIDES:
             fields += [(f"{side}{number}", structure(pyxtf.XTFPingChanHeader)),
                        (f"{side}{number}_samples", np.uint16, (each.count,))]
     bare = np.dtype(fields)
-    layout = np.dtype([*fields, ("padding", np.uint8, (NAVIGATION_BYTES + length - bare.itemsize,))])
-    common = {"navigation": navigation(passage), "ping": ping_headers(passage, 2 * len(channels), length)}
+    layout = np.dtype([*fields, ("padding", np.uint8, (BEFORE_PING + length - bare.itemsize,))])
+    common = {"navigation": navigation(passage), "attitude": attitude(passage),
+              "ping": ping_headers(passage, 2 * len(channels), length)}
     pings, step = passage.time.size, max(1, BLOCK_BYTES // layout.itemsize)
     for start in range(0, pings, step):
         some = slice(start, min(start + step, pings))

@@ -1,1 +1,1 @@
-"""Scenes with the tracks of vehicles."""
+"""Scenes after recordings: of vehicles, of sidescans."""

@@ -19,6 +19,8 @@ from mitsonar.device.spelling import meant
 from mitsonar.imaging.focused import is_focused
 from mitsonar.imaging.gain import Tvg
 from mitsonar.imaging.recording import shown
+from mitsonar.io.sidescan_lines.picture import as_image
+from mitsonar.io.sidescan_lines.record import is_recorded
 from mitsonar.units import HARDLY_DB, db_from_power, power_from_db
 
 from .. import canvas
@@ -163,7 +165,7 @@ def _figure(dataset: xr.Dataset, what: str, path: FilePath | None, tvg: Tvg, pin
         raise ValueError("only focused images have banks, and this dataset is no such image; leave the bank out.")
     if is_line(dataset):
         return draw_line(dataset, what, path, ping=ping, tvg=tvg, colours=colours)
-    dataset, tvg = shown(dataset, tvg)
+    dataset, tvg = (as_image(dataset), None) if is_recorded(dataset) else shown(dataset, tvg)
     if is_focused(dataset):
         if ping is not None:
             raise ValueError("a focused image contains all its pings; leave the ping out.")
@@ -203,7 +205,7 @@ def _figure(dataset: xr.Dataset, what: str, path: FilePath | None, tvg: Tvg, pin
 def _waterfall(dataset, grid, *, tvg, shades):
     image, limits, words, more_db = shown_levels(dataset, grid, tvg)
     return canvas.picture(grid, image, title(dataset), subtitle=subtitle(dataset, grid, more_db), limits=limits,
-                          colours=shades, bar=f"level{words}  [dB re 1 µPa]")[0]
+                          colours=shades, bar=f"level{words}  [{_unit(dataset)}]")[0]
 
 
 def _labels(dataset, grid):
@@ -258,7 +260,7 @@ def _ping(dataset, grid, *, ping):
         if "altitude" in image.coords and np.isfinite(image["altitude"]):
             axes.axvline(float(image["altitude"]), color="gray", linewidth=1, linestyle=":", label="altitude")
         axes.set_title(side, loc="left", color=colour, fontsize=12, fontweight="bold")
-        _line_axes(axes, slant_range)
+        _line_axes(axes, slant_range, _unit(dataset))
     panels[0].legend(loc="upper right", fontsize=10, ncols=3)
     panels[-1].set_xlabel("slant range [m]", fontsize=11)
     when = f" at {float(image['ping_time']):.3f} s" if "ping_time" in image.coords else ""
@@ -280,7 +282,7 @@ def _mean(dataset, grid):
                           label=f"{of_side}10 to 90 % of the pings")
         axes.plot(slant_range, _with_gaps(db_from_power(power)), color=colour, linewidth=1.4,
                   linestyle="-" if index == 0 else "--", label=f"{of_side}mean intensity")
-    _line_axes(axes, slant_range)
+    _line_axes(axes, slant_range, _unit(dataset))
     axes.set_xlabel("slant range [m]", fontsize=11)
     axes.legend(fontsize=10)
     axes.set_title(f"{title(dataset)}: mean over {dataset.sizes['ping']} pings", fontsize=14, fontweight="bold")
@@ -288,11 +290,15 @@ def _mean(dataset, grid):
     return figure
 
 
-def _line_axes(axes, slant_range):
-    axes.set_ylabel("level [dB re 1 µPa]", fontsize=11)
+def _line_axes(axes, slant_range, unit):
+    axes.set_ylabel(f"level [{unit}]", fontsize=11)
     axes.set_xlim(slant_range[0], max(slant_range[-1], slant_range[0] + 1e-6))
     axes.tick_params(labelsize=10)
     axes.grid(alpha=0.25)
+
+
+def _unit(dataset):
+    return dataset["level"].attrs.get("units", "dB re 1 µPa")
 
 
 def _with_gaps(level):

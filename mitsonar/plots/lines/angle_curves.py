@@ -9,9 +9,10 @@ from matplotlib.axes import Axes
 
 from mitsonar.hydrography.reduction.ray_paths import head_of, refraction_error, used_profile, water_profile
 from mitsonar.hydrography.survey_orders import vertical_orders
+from mitsonar.hydrography.vertical_angles import vertical_angle
 from mitsonar.units import db_from_power, power_from_db
 
-from .line_sheet import CAUSES, METHODS, curve_axes, key_above, sounded, vertical_angle
+from .line_sheet import CAUSES, METHODS, curve_axes, key_above, sounded
 
 WIDTHS = (0.5, 1.0, 2.0, 5.0, 10.0)            # of bins [deg]
 MOST, FULL = 90, 0.8               # most bins, and most bins per beam, so that few bins are empty

@@ -7,17 +7,22 @@ Strengths are bottom backscattering strengths, made with what the instrument kno
 """
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import fields
 
 import numpy as np
+import xarray as xr
 
 from mitsonar.device.rotations import mounting_matrix
-from mitsonar.hydrography.detection.bottom_backscatter import ensonified_area, strength_db
+from mitsonar.hydrography.detection.bottom_backscatter import ensonified_area, mean_absorption, strength_db
 from mitsonar.hydrography.detection.snippets import snippets
+from mitsonar.hydrography.detection.written_strength import StrengthWriting, angle_correction_db
 from mitsonar.hydrography.reduction.reduction import Installation, Located, Measured
 from mitsonar.imaging.fan import levels
+from mitsonar.imaging.recording import PingRecorder, recorded_levels
 from mitsonar.sonar.arrays.array import Array
 from mitsonar.sonar.arrays.sectors import pattern_integral
+from mitsonar.units import db_from_power
 
 from ..soundings.instrument import absorption_to_bed, face_pattern_db, two_way_loss_db
 from ..soundings.line import Finding
@@ -37,6 +42,7 @@ class MultibeamInstrument:
 
     def __init__(self, survey: SwathSurvey, seed: int, *, column: bool = False, snippets: int = 0):
         self._survey, self._column, self._snippets = survey, column, snippets
+        self._seed = seed
         self.measure = SwathBeams(survey, seed).measure
         self._absorption = PerSurroundings(survey, lambda part: np.array(
             [absorption_to_bed(part, run.survey.waters.only.absorption) for run in part.sectors]))
@@ -68,6 +74,8 @@ class MultibeamInstrument:
         values: dict[str, np.ndarray | float] = {
             "detection": made.method, "quality": made.quality,
             **{name: np.concatenate([row[name] for row in rows]) for name in rows[0]}}
+        if self._survey.strength_writing is not None:
+            values.update(_written(self._survey.strength_writing, ping, values, final))
         if self._snippets:
             values["snippet_rate"] = self._survey.sectors[0].survey.sampling_rate
         if self._column:
@@ -95,6 +103,12 @@ class MultibeamInstrument:
         values = {"backscatter_db": strength_db(made.intensity[mine], source_level_db=survey.source_level_db,
                                                 loss_db=loss, area=area, **patterns),
                   "footprint_along": distance * widths["transmit_width"], "footprint_across": across}
+        if (writing := self._survey.strength_writing) is not None:
+            sloping, level = (ensonified_area(distance, tilted, **widths)
+                              for tilted in (incidence, np.pi / 2 - place.grazing))
+            values["written_error_db"] = writing.errors_db(
+                ping, number, angle=made.angle[mine], distance=distance, area_error_db=db_from_power(sloping / level),
+                absorption_db=mean_absorption(water.absorption, place.source_depth, place.depth))
         if self._snippets:
             halves, time = made.halves[number]
             cut = snippets((halves.port, halves.starboard), time=time, detected=made.travel_time[mine],
@@ -124,16 +138,46 @@ class MultibeamInstrument:
 
     def _water_column(self, ping: int, made: BeamMeasurement) -> dict[str, np.ndarray]:
         """Return the levels of all beams."""
-        runs = self._survey.sectors
+        survey, runs = self._survey, self._survey.sectors
         angle = np.concatenate([np.arcsin(np.clip(run.sines[ping] * run.said[ping], -1, 1)) for run in runs])
         level = np.concatenate([levels(halves.whole) for halves, _ in made.halves])
         # echoes change over the length of a pulse: two samples of that length are kept
         rate = runs[0].survey.sampling_rate
         step = max(1, int(rate * min(made.pulse_length) / 2))
-        return {"column_angle": angle,
+        level = level[:, ::step]
+        columns = {} if survey.column_recorder is None else {"column_recorded_db": self._recorded(
+            ping, level, made.halves[0][1][::step])}
+        return {**columns, "column_angle": angle,
                 "column_sector": np.repeat(np.arange(len(runs)), [run.sines.shape[1] for run in runs]),
                 "column_start": np.full(len(angle), made.halves[0][1][0]),
-                "column_rate": np.full(len(angle), rate / step), "column_level_db": level[:, ::step]}
+                "column_rate": np.full(len(angle), rate / step), "column_level_db": level}
+
+
+    def _recorded(self, ping: int, level: np.ndarray, time: np.ndarray) -> np.ndarray:
+        """Return the levels (B, T) of the recorder's counts of a ping, without its gain; `time` (T,) [s]."""
+        survey, recorder = self._survey, self._survey.column_recorder
+        assert recorder is not None
+        picture = xr.Dataset({"level": (("ping", "beam", "range"), level[None].astype(np.float32))}, coords={
+            "ping": [ping], "ping_time": ("ping", survey.track.time[[ping]]), "time": ("range", time),
+            "range": 0.5 * survey.sectors[0].survey.planned_speed * time})
+        absorption = float(self.absorption_db(ping)[0])
+        return recorded_levels(PingRecorder(recorder, self._seed, absorption_db=absorption).added(picture)).values[0]
+
+
+def _written(writing: StrengthWriting, ping: int, values: Mapping[str, np.ndarray | float],
+             final: Located) -> dict[str, np.ndarray | float]:
+    """Return the strengths of a ping as the instrument writes them, and what it assumes."""
+    incidence, error = np.pi / 2 - final.grazing, np.asarray(values["written_error_db"])
+    strength = np.asarray(values["backscatter_db"]) + error
+    normal, oblique = writing.response(strength, incidence)
+    laws = {law: angle_correction_db(incidence, law, normal_db=normal, oblique_db=oblique, crossover=writing.crossover)
+            for law in (writing.beam_law, writing.image_law)}
+    written: dict[str, np.ndarray | float] = {
+        "written_backscatter_db": strength + laws[writing.beam_law], "normal_incidence_db": normal,
+        "oblique_incidence_db": oblique, "crossover_angle": writing.crossover, "written_gain_db": writing.gain_db(ping)}
+    if "snippet_db" in values:
+        written["written_snippet_db"] = np.asarray(values["snippet_db"]) + (error + laws[writing.image_law])[:, None]
+    return written
 
 
 def _width(array: Array, wavelength: float, sine: np.ndarray | float) -> np.ndarray:

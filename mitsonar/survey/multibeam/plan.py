@@ -20,6 +20,8 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.device.rotations import mounting_matrix, rotation_matrix
+from mitsonar.hydrography.detection.written_strength import StrengthWriting
+from mitsonar.imaging.recorder import Recorder
 from mitsonar.scene.geometry import Geometry
 from mitsonar.sonar.arrays.array import Array
 from mitsonar.sonar.arrays.sectors import Sector
@@ -102,6 +104,8 @@ class MultibeamSensor(SoundingSensor, Protocol):
         True for each of roll, pitch and yaw that the steering compensates.
     receive_flaws : float
         See `SwathSurvey`.
+    strength_writing : StrengthWriting or None
+    column_recorder : Recorder or None
     """
 
     sectors: tuple[Sector, ...]
@@ -110,6 +114,8 @@ class MultibeamSensor(SoundingSensor, Protocol):
     mounting: np.ndarray
     stabilised: tuple[bool, bool, bool]
     receive_flaws: float
+    strength_writing: StrengthWriting | None
+    column_recorder: Recorder | None
 
 
 def plan(scene: mi.Scene, sensor: MultibeamSensor, settings: RunSettings, lead: float = LEAD) -> SwathSurvey:
@@ -129,7 +135,8 @@ def plan(scene: mi.Scene, sensor: MultibeamSensor, settings: RunSettings, lead: 
         sectors.append(SectorRun(sector=sector, survey=replace(survey, steering=aim), aim=aim, first=first))
         first += len(sector.beams)
     return SwathSurvey(**shared(sectors[0].survey, passage, sensor, settings), sectors=tuple(sectors),
-                       mounting=sensor.mounting, receive_flaws=sensor.receive_flaws)
+                       mounting=sensor.mounting, receive_flaws=sensor.receive_flaws,
+                       strength_writing=sensor.strength_writing, column_recorder=sensor.column_recorder)
 
 
 def _of_a_sector(geometry: Geometry, sensor: MultibeamSensor, settings: RunSettings, passage: Passage, speed: float,

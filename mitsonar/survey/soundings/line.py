@@ -5,7 +5,9 @@
     compare    with the bed of the scene, and with the true motion, error by error      `hydrography.reduction`
 
 Depths are below the datum z = 0. Where the water has a tide, sensors measure depths below the surface, casts hold below
-it, and both are reduced to the datum with the tide in use. Without any tide in use, depths are below the surface.
+it, and both are reduced to the datum with the tide in use. Without any tide in use, depths are below the surface. By
+`heights` "gnss", sensors measure heights above the ellipsoid, and the separation in use reduces these to the datum; the
+water level, for the cast, then follows from them and from the depth below the surface.
 
 An array that moves with v receives waves from n' at the sine a_r·n' c / (c + n'·v). Instruments neglect the motion; the
 difference counts as an error by motion.
@@ -16,7 +18,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from datetime import datetime, timezone
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Generic, Protocol, TypeVar
 
 import drjit as dr
@@ -28,8 +30,8 @@ from mitsonar.device.arrays import arrays_of, upload
 from mitsonar.device.chance import sonar_seed
 from mitsonar.hydrography.record import variable
 from mitsonar.hydrography.reduction.attitude import PlatformMotion
-from mitsonar.hydrography.reduction.errors import Reduction, disturbed, errors
-from mitsonar.hydrography.reduction.motion_errors import MotionErrors
+from mitsonar.hydrography.reduction.errors import Reduction, errors
+from mitsonar.hydrography.reduction.motion_errors import MotionErrors, SensedMotion
 from mitsonar.hydrography.reduction.reduction import Installation, Located, Measured
 from mitsonar.hydrography.reduction.uncertainty import Accuracies, Deviations, with_uncertainty
 from mitsonar.io.tracks.tides import Tide
@@ -41,6 +43,7 @@ from mitsonar.units import db_from_power
 from mitsonar.water.profile import SoundSpeedProfile
 
 from .field_effect import without_field
+from .heights import DepthReference, EllipsoidHeights, place_of
 from .instrument import PingMeasurement
 from .survey import SoundedSurvey
 
@@ -96,22 +99,21 @@ def _down(x: np.ndarray, y: np.ndarray, above: float) -> mi.Ray3f:
 
 
 def true_motion(survey: SoundedSurvey, *, earlier: float = 0.0) -> PlatformMotion:
-    """Sample the motion of the reference point; attitude and depth are those of a time `earlier` [s]."""
+    """Sample the motion of the reference point, as it was a time `earlier` [s]."""
     trajectory = replace(survey.voyage.trajectory, offset=np.zeros(3))
     last = max(run.survey.track.time[-1] + run.survey.time[-1] for run in survey.transmissions)
     first = survey.track.time[0] - MARGIN
     time = first + np.arange(int(np.ceil((last + MARGIN - first) * RATE)) + 1) / RATE
-    position, _ = trajectory.pose(time)
-    before, attitude = trajectory.pose(time - earlier)
-    return PlatformMotion(time=time, x=position[:, 0], y=position[:, 1], depth=-before[:, 2], roll=attitude[:, 0],
+    position, attitude = trajectory.pose(time - earlier)
+    return PlatformMotion(time=time, x=position[:, 0], y=position[:, 1], depth=-position[:, 2], roll=attitude[:, 0],
                           pitch=attitude[:, 1], heading=np.unwrap(attitude[:, 2]))
 
 
-def measured_motion(survey: SoundedSurvey, seed: int) -> PlatformMotion:
+def measured_motion(survey: SoundedSurvey, seed: int) -> SensedMotion:
     """Return the motion with the errors of its sensors."""
-    true = true_motion(survey, earlier=survey.motion_errors.latency)
-    added = survey.motion_errors.added(true.time, sonar_seed(seed, "motion sensors"))
-    return disturbed(true, latency=0.0, **added)
+    wrong = survey.motion_errors
+    late, fixed = (true_motion(survey, earlier=age) for age in (wrong.latency, wrong.position_latency))
+    return wrong.sensed(late, fixed, sonar_seed(seed, "motion sensors"))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -153,11 +155,18 @@ class SoundingLine(Generic[MeasurementT]):
     """Soundings of a line."""
 
     def __init__(self, survey: SoundedSurvey, instrument: Instrument[MeasurementT], seed: int, *,
-                 profile: SoundSpeedProfile | None = None, tide: Tide | float | None = None):
+                 profile: SoundSpeedProfile | None = None, by: DepthReference | None = None):
+        by, wrong = by or DepthReference(), survey.motion_errors
         self._survey, self._instrument = survey, instrument
-        self._profile, self._tide = profile, _level(survey, tide)
-        self._true, self._sensed = true_motion(survey), measured_motion(survey, seed)
-        self._installation, self._accuracies = instrument.installation, _accuracies(survey.motion_errors)
+        sensed = measured_motion(survey, seed)
+        self._profile, self._true, self._sensed = profile, true_motion(survey), sensed.motion
+        self._installation = instrument.installation
+        arms = {name: getattr(self._installation, name) + wrong.offset_error
+                for name in ("transmit_offset", "receive_offset")}
+        self._stated = replace(self._installation, **arms) if any(wrong.offset_error) else self._installation
+        self._heights = EllipsoidHeights.of(survey, sensed, by)
+        self._tide = _level(survey, by.tide, wrong.tide_error) if self._by_tide else self._followed
+        self._accuracies = _accuracies(wrong, wrong.heave_noise if self._by_tide else wrong.height_noise)
         self._transmissions = survey.transmissions
         first = float(survey.track.time[0])
         self._since = math.floor(first) if first > DATED else 0.0
@@ -178,7 +187,9 @@ class SoundingLine(Generic[MeasurementT]):
         column, geometry = survey.water_at(ping), survey.world.at(ping)
         water = column.profile
         true = Reduction(motion=self._true, installation=self._installation, profile=water, node=False)
-        used = Reduction(motion=self._sensed, installation=self._installation, profile=self._cast(ping, column.level))
+        used = Reduction(motion=self._sensed if self._by_tide else self._separated(truly=True),
+                         installation=self._stated, profile=self._cast(ping, column.level))
+        last = self._reduced_by(ping, used)
         above = -float(survey.track.position[ping, 2])
         closing = self._closing(truly, true)
         at_rest = instrument.measured(ping, made, true_speed, closing)
@@ -186,7 +197,7 @@ class SoundingLine(Generic[MeasurementT]):
         final, causes = errors(measured, true, used, lambda x, y: bed_depth(geometry, x, y, above=above),
                                at_rest=at_rest,
                                refracted=instrument.measured(ping, made, head_speed, closing),
-                               tidal=self._tidal(ping, used))
+                               **({"tidal": last} if self._by_tide else {"separated": last}))
         bed, finding = self._bed(ping, final), instrument.finding(ping, made, final)
         values = {
             **self._ping_data(ping, head_speed), "valid": made.valid & final.found,
@@ -204,8 +215,25 @@ class SoundingLine(Generic[MeasurementT]):
         column = self._survey.water_at(ping)
         return (self._profile or column.profile.lifted(-column.level)).lifted(level)
 
-    def _tidal(self, ping: int, used: Reduction) -> Reduction | None:
-        """Return the reduction with the tide in use; None without a tide."""
+    @property
+    def _by_tide(self) -> bool:
+        """Return True if depths are reduced by a tide, or by none, and not by heights above the ellipsoid."""
+        return self._heights is None or not self._heights.reduce
+
+    def _separated(self, *, truly: bool = False) -> PlatformMotion:
+        """Return the motion as sensors measure it, its depth by heights less the separation in use, or the true one."""
+        heights = self._heights
+        assert heights is not None
+        separation = heights.true_separation if truly else heights.separation
+        return replace(self._sensed, depth=separation - heights.height)
+
+    def _followed(self, times: np.ndarray) -> np.ndarray:
+        """Return the water level [m] that follows from heights and depths below the surface."""
+        sensed, reduced = (motion.at(times).place[..., 2] for motion in (self._sensed, self._reduced))
+        return sensed + self._survey.passage.level(times) - reduced
+
+    def _reduced_by(self, ping: int, used: Reduction) -> Reduction | None:
+        """Return the reduction with the tide or the separation in use; None without either."""
         if self._tide is None:
             return None
         level = float(self._tide(np.array(self._survey.track.time[ping])))
@@ -213,7 +241,9 @@ class SoundingLine(Generic[MeasurementT]):
 
     @cached_property
     def _reduced(self) -> PlatformMotion:
-        """Return the motion as sensors measure it, reduced to the datum with the tide in use."""
+        """Return the motion as sensors measure it, reduced to the datum with the tide or the separation in use."""
+        if not self._by_tide:
+            return self._separated()
         sensed, tide = self._sensed, self._tide
         if tide is None:
             return sensed
@@ -249,9 +279,11 @@ class SoundingLine(Generic[MeasurementT]):
         pose = self._reduced.at(np.array([time]))
         tides = {} if self._tide is None else {"tide": float(self._tide(np.array(time))),
                                                "true_tide": float(self._survey.passage.level(np.array(time)))}
+        heights = {} if self._heights is None else self._heights.at(time)
         runs = [run.survey for run in self._transmissions]
         sines = np.array([run.sines[ping] for run in self._transmissions])
-        return {**tides, "ping_time": time - self._since, "ping_x": pose.place[0, 0], "ping_y": pose.place[0, 1],
+        return {**tides, **heights, "ping_time": time - self._since,
+                "ping_x": pose.place[0, 0], "ping_y": pose.place[0, 1],
                 "ping_depth": pose.place[0, 2], "ping_roll": pose.roll[0], "ping_pitch": pose.pitch[0],
                 "ping_heading": pose.heading[0] % (2 * np.pi), "head_sound_speed": head_speed,
                 "sector_frequency": np.array([run.frequency for run in runs]),
@@ -271,7 +303,7 @@ class SoundingLine(Generic[MeasurementT]):
 
     def _line_data(self, profile: str, seed: int) -> xr.Dataset:
         """Return the variables and attributes that all pings share."""
-        installation, motion, world = self._installation, self._reduced, self._survey.world
+        installation, motion = self._stated, self._reduced
         water = self._survey.waters.first.profile
         first = self._survey.planned.track.time[0]
         used = self._cast(0, 0.0 if self._tide is None else float(self._tide(np.array(first))))
@@ -285,27 +317,36 @@ class SoundingLine(Generic[MeasurementT]):
                  "preset": self._survey.preset, "profile": profile,
                  "backscatter": self._instrument.backscatter, "seed": int(seed),
                  "labels": {str(number): name for number, name in self._survey.labels.items()}}
-        frame = self._survey.passage.frame
-        crs = world.crs or (None if frame is None else frame.crs)
-        attrs["crs"] = crs
-        if crs is not None:
-            origin = world.local_origin if world.local_origin is not None else getattr(frame, "origin")
-            attrs["origin"] = (float(origin[0]), float(origin[1]))
+        frame = place_of(self._survey)
+        attrs["crs"] = None if frame is None else frame.crs
+        if frame is not None:
+            attrs["origin"] = frame.origin
+        if self._heights is not None:
+            attrs |= {"heights": "tide" if self._by_tide else "gnss"}
+            attrs |= {"vertical_datum": self._heights.datum} if self._heights.datum else {}
         return xr.Dataset({name: variable(name, value) for name, value in values.items()}, attrs=attrs)
 
 
-def _level(survey: SoundedSurvey, tide: Tide | float | None) -> Callable[[np.ndarray], np.ndarray] | None:
-    """Return the tide in use [m] by time [s]: the one given, or the water's own; None without any."""
+def _level(survey: SoundedSurvey, tide: Tide | float | None,
+           off: float) -> Callable[[np.ndarray], np.ndarray] | None:
+    """Return the tide in use [m] by time [s]: the one given, or the water's own, and its error; None without any."""
     time = survey.planned.track.time
-    if tide is None:
-        return None if survey.passage.tide is None else survey.passage.level
+    if tide is None and survey.passage.tide is None and not off:
+        return None
+    own: Callable[[np.ndarray], np.ndarray] = survey.passage.level
     if isinstance(tide, Tide):
-        return tide.over(float(time[0]), float(time[-1])).at
-    return lambda times: np.full(np.shape(times), tide)
+        own = tide.over(float(time[0]), float(time[-1])).at
+    elif tide is not None:
+        own = partial(_constant, tide)
+    return own if not off else lambda times: own(times) + off
 
 
-def _accuracies(errors: MotionErrors) -> Accuracies:
-    """Return the accuracies of the sensors, as the scene states them; biases are unknown, so they count as 0."""
+def _constant(value: float, times: np.ndarray) -> np.ndarray:
+    return np.full(np.shape(times), value)
+
+
+def _accuracies(errors: MotionErrors, heights: float) -> Accuracies:
+    """Return the accuracies of the sensors, with that of heights [m]; biases are unknown, so they count as 0."""
     return Accuracies(angle=0.0, roll=errors.attitude_noise, pitch=errors.attitude_noise,
-                      heading=errors.heading_noise, heave=errors.heave_noise, heave_share=0.0, draught=0.0,
+                      heading=errors.heading_noise, heave=heights, heave_share=0.0, draught=0.0,
                       position=errors.position_noise * float(np.sqrt(2)), latency=0.0, profile=0.0, head=0.0)

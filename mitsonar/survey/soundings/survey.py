@@ -9,7 +9,10 @@ from typing import Protocol
 
 import numpy as np
 
+from mitsonar.hydrography.detection.written_strength import StrengthWriting
 from mitsonar.hydrography.reduction.motion_errors import MotionErrors
+from mitsonar.imaging.recorder import Recorder
+from mitsonar.io.grids.separation import Separation
 from mitsonar.sonar.arrays.sectors import Sector
 from mitsonar.sonar.motion.stepping import SteppedPing, Stepping
 from mitsonar.sonar.motion.trajectory import Voyage
@@ -35,7 +38,7 @@ def shared(run: ArraySurvey, passage: Passage, sensor: SoundingSensor, settings:
     return dict(
         world=run.world, waters=run.waters, passage=passage, rays=settings.rays, max_depth=settings.max_depth,
         head_speed_error=sensor.head_speed_error, motion_errors=sensor.motion_errors, depth_gate=sensor.depth_gate,
-        preset=sensor.preset)
+        preset=sensor.preset, separation=sensor.water.separation, vertical_datum=sensor.water.vertical_datum)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -56,6 +59,8 @@ class SoundedSurvey(Survey, ABC):
     motion_errors: MotionErrors
     depth_gate: tuple[float, float] | None  # [m], below the sonar
     preset: str
+    separation: Separation | None = None  # of the datum z = 0 from the ellipsoid; None: unknown
+    vertical_datum: str = ""  # its name
 
     @property
     @abstractmethod
@@ -150,6 +155,8 @@ class SwathSurvey(SoundedSurvey):
     sectors: Sequence[SectorRun]  # in order of their beams
     mounting: np.ndarray  # (3,) [rad], roll, pitch and heading of the head
     receive_flaws: float  # root mean square error of receivers, in amplitude [-] and in phase [rad]
+    strength_writing: StrengthWriting | None  # None: strengths are written as they are
+    column_recorder: Recorder | None  # of the water column of soundings; None: levels are kept as they are
 
     def _made_within(self, ping: int) -> SwathSurvey:
         """Return a new survey in which all pings, of all sectors, have the surroundings of one."""

@@ -9,7 +9,8 @@ Programs write beam directions in one of two ways, which differ in the side on w
     towards the beam, sin(angle) = a_r·l and sin(transmit_angle) = a_t·l at the ping's attitude;
     relative to the arrays: beam_angle of one sign a side, beam_angle_forward from the bow, 90 degrees athwartships.
 
-Lever arms, mountings and the draught are those that the processing parameters list as applied.
+Lever arms, mountings and the draught are those that the processing parameters list as applied. Depths include the tide
+corrector (minus the water level) where the parameters say so, and heights above the ellipsoid where it is that of GPS.
 """
 from __future__ import annotations
 
@@ -25,7 +26,7 @@ import numpy as np
 
 from mitsonar.device.rotations import mounting_matrix
 
-from ..assembly import FASTEST, SECTOR, SLOWEST, AssembledLine, LineCast, Ping, cast_of, check_counts
+from ..assembly import DEEPEST, FASTEST, LEVELS, SECTOR, SLOWEST, AssembledLine, LineCast, Ping, cast_of, check_counts
 from ..motion import motion_of
 from ..places import across_and_along, levelled
 
@@ -34,6 +35,7 @@ LONGEST, TYPES = 1 << 19, 12               # bytes of a record; the last type
 SWATH, CAST, PARAMETERS, COMMENT, ATTITUDE = 2, 3, 4, 6, 12              # types of records
 DAMAGE = (struct.error, ValueError, IndexError, KeyError, OverflowError, TypeError, EOFError, MemoryError)
 LEVEL = 0.9                        # share of soundings on the side given by the first way of writing directions
+NOTHING = (99.99, 9999.99)         # [m] for no corrector and no height
 HEAD = "RxTransducerInd"           # in a sounder's own record: number of the receive array
 OURS = "log10 of depth over its spread"            # in the comment of a file whose quality is the record's
 ONE_SIGMA, ONE_SIGMA_LEVEL = 1.96, 2.448 / np.sqrt(2)       # errors in the file are of 95 %
@@ -90,12 +92,17 @@ class GsfFile:
             for record in self._records(CAST)]
         self._cast = self.casts[0].nodes if self.casts else None
         self._draught = _numbers(self._parameters.get("APPLIED_DRAFT"))[0]
-        self._motion = self._moved()
         self._sectors, heads_named = 1, True
+        levels = []
         for record in self._records(SWATH):
+            levels.append(self._levels(record))
             heads_named &= HEAD in (record.get("SensorSpecific") or {})
             self._sectors = max(self._sectors, _count(_shots(record)))
             check_counts("a ping", 0, self._sectors)
+        table = {name: np.array([level[name] for level in levels]) for name in LEVELS}
+        self._gnss = any("gnss" in level for level in levels)
+        self._stated = tuple(name for name, values in table.items() if (np.isfinite(values) & (values != 0)).any())
+        self._motion = self._moved(np.nan_to_num(table["tide"]))
         # Some files state two receivers, but have the lever arm of one.
         arms = (self._parameters.get("APPLIED_RX_TRANSDUCER_OFFSET") or "").count(",") + 1
         self._heads = 2 if heads_named and self._parameters.get("NUMBER_OF_RECEIVERS") == "2" and arms >= 6 else 1
@@ -113,6 +120,7 @@ class GsfFile:
             transmit_offset=self._array("", "OFFSET"), transmit_mounting=self._array("", "MOUNTING"),
             receive_offset=self._receivers("OFFSET"), receive_mounting=self._receivers("MOUNTING"),
             motion=self._motion.streams, backscatter="mean calibrated amplitude of the file",
+            levels=self._stated, heights="gnss" if self._gnss else "", datum=_datum(self._parameters),
             profile="the cast of the file", beams=self._beams, sectors=self._sectors)
 
     def pings(self, start: int, stop: int) -> Iterator[Ping]:
@@ -142,7 +150,19 @@ class GsfFile:
             if file.FID is not None:
                 file.FID.close()
 
-    def _moved(self):
+    def _levels(self, record) -> dict[str, float]:
+        """Return the levels of a ping, NaN where the file states none; "gnss" where the tide follows from heights."""
+        def value(name: str) -> float:
+            number = float(record.get(name, np.nan))
+            return number if abs(number) < DEEPEST and number not in NOTHING else np.nan
+
+        by_gps, by_tide = value("GPSTideCorrector_m"), value("TideCorrector_m")
+        tidal = self._parameters.get("TIDE_COMPENSATED") == "YES"
+        gnss = tidal and by_gps and np.isfinite(by_gps) and not by_tide
+        return {"tide": -(by_gps if gnss else by_tide) if tidal else 0.0, "ping_height": value("Height_m"),
+                "separation": value("SEP_m"), **({"gnss": 1.0} if gnss else {})}
+
+    def _moved(self, tides):
         angles = ("Roll_deg", "Pitch_deg", "Heading_deg")
         columns = [np.column_stack([record["Time"].astype("int64") * 1e-9, *(np.deg2rad(record[name])
                                     for name in angles), -record["Heave_m"]]) for record in self._records(ATTITUDE)]
@@ -150,8 +170,10 @@ class GsfFile:
         if not len(attitude):
             attitude = np.array([[time, *np.deg2rad([ping[name] for name in angles]), -ping["Heave_m"]]
                                  for time, ping in zip(self._positions[:, 0], self._records(SWATH))])
-        return motion_of(attitude[np.argsort(attitude[:, 0], kind="stable")], self._positions, self._start,
-                         waterline=-self._draught)
+        attitude = attitude[np.argsort(attitude[:, 0], kind="stable")]
+        times, order = np.unique(self._positions[:, 0], return_index=True)
+        attitude[:, 4] -= np.interp(attitude[:, 0], times, tides[order])
+        return motion_of(attitude, self._positions, self._start, waterline=-self._draught)
 
     def _array(self, prefix, name, head=0):
         """Return a lever arm or mounting from the parameters; the default of a receiver is that of the transmitter."""
@@ -180,10 +202,10 @@ class GsfFile:
             raise ValueError(f"it lacks {lacking[0]}")
         count, own = record["NumberBeams"], record.get("SensorSpecific") or {}
         since = datetime.fromisoformat(record["PingTime"]).timestamp()
-        place = self._motion.at(since - self._start)
+        place, levels = self._motion.at(since - self._start), self._levels(record)
         place |= {"roll": np.deg2rad(record["Roll_deg"]), "pitch": np.deg2rad(record["Pitch_deg"]),
                   "heading": float(np.deg2rad(record["Heading_deg"]) - self._motion.convergence),
-                  "depth": self._draught - record["Heave_m"]}
+                  "depth": self._draught - record["Heave_m"] - float(np.nan_to_num(levels["tide"]))}
         across, along = beams["AcrossTrack_m"], beams["AlongTrack_m"]
         x, y = across_and_along(place["x"], place["y"], place["heading"], across, along)
         flags = beams.get("BeamFlags", np.zeros(count)).astype(np.uint8)
@@ -213,7 +235,7 @@ class GsfFile:
             soundings |= {"quality": beams.get("QualityFactor", missing),
                           "detection": np.clip(np.nan_to_num(beams.get("DetectionInfo", missing)), 0, 2)}
         return Ping(place=place, head_sound_speed=self._head_speed(own, place), head=head, sectors=sectors,
-                    soundings=soundings)
+                    soundings=soundings, levels=levels)
 
     def _angles(self, beams, place, head):
         """Return transmit angles and receive angles of the beams of a ping."""
@@ -240,6 +262,12 @@ class GsfFile:
         arm = levelled(self._array("", "OFFSET"), place["roll"], place["pitch"])
         depth, speed = cast_of(self._cast)
         return float(np.interp(place["depth"] + arm[2], depth, speed))
+
+
+def _datum(parameters: dict[str, str]) -> str:
+    """Return the vertical datum of the processing parameters, "" if they name none."""
+    name = (parameters.get("TIDAL_DATUM") or "").strip()
+    return "" if name.upper() in ("", "UNKNOWN", "UNKNWN") else name
 
 
 def _shots(record) -> dict[str, np.ndarray]:

@@ -67,12 +67,11 @@ def column_of(line: LineToWrite, ping: Ping, offset: int | None) -> KongsbergCol
                            outside=(int((steps[finite] > 127).sum()), int((steps[finite] < -128).sum())))
 
 
-def water_column(passage: LinePassage, ping: Ping, number: int, sounder: int, column: KongsbergColumn,
-                 offset: int) -> bytes:
+def water_column(passage: LinePassage, ping: Ping, sounder: int, column: KongsbergColumn, offset: int) -> bytes:
     """Return the #MWC of a ping."""
     sectors = ping["sector_frequency"].size
-    parts = [struct.pack("<2H", 1, 1), struct.pack("<2H8B", *body(ping, number).values()),
-             struct.pack("<3Hhf", 12, sectors, 16, 0, float(ping["ping_depth"] - passage.draught))]
+    parts = [struct.pack("<2H", 1, 1), struct.pack("<2H8B", *body(ping).values()),
+             struct.pack("<3Hhf", 12, sectors, 16, 0, ping["below_surface"] - passage.draught)]
     parts += [struct.pack("<3fHh", np.degrees(tilt), frequency, 0.0, index, 0)
               for index, (tilt, frequency) in enumerate(zip(ping["sector_angle"], ping["sector_frequency"]))]
     parts.append(struct.pack("<2H3Bb2f", 16, column.angle.size, 16, 0, 0, offset, column.rate,

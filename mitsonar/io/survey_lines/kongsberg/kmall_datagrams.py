@@ -13,6 +13,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, BinaryIO
 
+import numpy as np
+
 LONGEST = 1 << 26                  # bytes; water columns have a few megabytes
 FRAME = struct.Struct("<I4sBBHII")
 BODY = struct.Struct("<2H8B")                      # of multibeam datagrams, after the numbers of parts
@@ -20,6 +22,7 @@ PING_INFO = "<2H1f6B1H11f2h2B1H1I3f2H1f2H6f4B2d1f"
 PLACE = struct.calcsize(PING_INFO[:-4])            # offset of the latitude in it
 SECTORS = struct.calcsize("<2H1f6B1H11f2h2B1H1I3f2H1f")
 RECEIVER, SOUNDING = struct.Struct("<4H4f4H"), 120
+TIDE = "tide above "               # begins the sentence of a #SHI that holds a tide; the datum ends it
 COLUMN_RECEIVER, COLUMN_BEAM = struct.Struct("<2H3B1b2f"), struct.Struct("<f4Hf")
 
 
@@ -87,8 +90,9 @@ def at(stream: BinaryIO, offset: int, length: int) -> KmallDatagram:
                          time=second + 1e-9 * nanosecond, stamp=(second, nanosecond))
 
 
-def beams_of(ping: KmallDatagram) -> tuple[int, int, int]:
-    """Return the numbers of soundings, sectors and extra detections of #MRZ, checked to fit into it."""
+def beams_of(ping: KmallDatagram) -> tuple[int, int, int, int]:
+    """Return the numbers of soundings, sectors, extra detections and samples of the longest snippet of #MRZ, checked.
+    """
     info = ping.body
     length, _ = ping.part(struct.Struct("<2H"), info)
     sectors, of_sector = ping.part(struct.Struct("<2H"), info + SECTORS)
@@ -97,14 +101,24 @@ def beams_of(ping: KmallDatagram) -> tuple[int, int, int]:
     if of_sounding != SOUNDING:
         raise ValueError(f"its soundings take {of_sounding} bytes each; only {SOUNDING} can be read.")
     soundings = receiver + own + classes * of_class
-    ping.part(struct.Struct("<"), soundings + (main + extra) * of_sounding)
-    return main, sectors, extra
+    images = soundings + (main + extra) * of_sounding
+    ping.part(struct.Struct("<"), images)
+    counts = np.frombuffer(ping.raw, "<u2", (main + extra) * SOUNDING // 2, soundings)[SOUNDING // 2 - 1::SOUNDING // 2]
+    ping.part(struct.Struct("<"), images + 2 * int(counts.sum(dtype=int)))
+    return main, sectors, extra, int(counts[:main].max(initial=0))
 
 
-def position_of(ping: KmallDatagram) -> tuple[float, float]:
-    """Return longitude and latitude [degrees] of #MRZ."""
-    latitude, longitude = ping.part(struct.Struct("<2d"), ping.body + PLACE)
-    return longitude, latitude
+def position_of(ping: KmallDatagram) -> tuple[float, float, float]:
+    """Return longitude, latitude [degrees] and height above the ellipsoid [m] of #MRZ; -999 is no height."""
+    latitude, longitude, height = ping.part(struct.Struct("<2df"), ping.body + PLACE)
+    return longitude, latitude, height
+
+
+def tide_of(height: KmallDatagram) -> tuple[float, str] | None:
+    """Return the tide [m] and its datum of #SHI, None if it is another height."""
+    level, = height.part(struct.Struct("<f"), FRAME.size + 10)
+    words = height.raw[FRAME.size + 14:-4].split(b"\0")[0].decode("ascii", "replace")
+    return (level, words.removeprefix(TIDE)) if words.startswith(TIDE) else None
 
 
 def column_of(column: KmallDatagram) -> tuple[int, int]:

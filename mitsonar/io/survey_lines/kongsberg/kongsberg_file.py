@@ -28,12 +28,16 @@ class KongsbergRecords:
     attitude: dict = field(default_factory=dict)        # source -> arrays (M, 5): time, roll, pitch, heading, heave
     depths: dict = field(default_factory=dict)          # key -> depth of the transmit array [m]
     passed: set[str] = field(default_factory=set)       # kinds of datagrams that are not read
+    tides: list = field(default_factory=list)           # (time, level of the water above the datum)
+    datum: str = ""
+    heights: bool = False                               # some ping has a height above the ellipsoid
     extra: int = 0                                      # detections in the water column
     old: bool = False                                   # has depths of sounders before 2007
     beams: int = 0
     sectors: int = 0
     column_beams: int = 0
     column_samples: int = 0
+    snippet_samples: int = 0
 
     def note_ping(self, number: int, beams: int, sectors: int) -> None:
         """Keep the largest numbers of beams and sectors."""
@@ -91,7 +95,9 @@ class KongsbergFile(ABC):
             receive_offset=installed.receive_offset[:self._heads],
             receive_mounting=installed.receive_mounting[:self._heads], motion=motion.streams,
             backscatter=self.BACKSCATTER, profile="the cast of the file", beams=found.beams, sectors=found.sectors,
-            column_beams=found.column_beams, column_samples=found.column_samples, left_out=", and ".join((
+            levels=tuple(name for name, held in (("tide", found.tides), ("ping_height", found.heights)) if held),
+            datum=found.datum, column_beams=found.column_beams, column_samples=found.column_samples,
+            snippet_samples=found.snippet_samples if self._water_column else 0, left_out=", and ".join((
                 *([f"{found.extra} extra detections in the water column are left out"] if found.extra else []),
                 *([f"datagrams of the kinds {', '.join(kinds)} are not read"] if kinds else []))))
 

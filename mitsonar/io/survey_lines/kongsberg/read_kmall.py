@@ -3,19 +3,21 @@
 The sounder gives the position of a sounding relative to the vessel's reference point, levelled, along its heading, with
 travel time and angles (#MRZ). Angles in the file are positive to port, tilts positive towards an array's own forward;
 travel times are from the transmission of the sector. Samples of the motion sensor (#SKM) are relative to the sensor:
-its mounting is corrected here. Extra detections, in the water column, are left out.
+its mounting is corrected here. Depths are below the surface, or below the datum of a tide that the writer of these
+files put into #SHI. Extra detections, in the water column, are left out.
 """
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import BinaryIO
 
 import numpy as np
 
-from ..assembly import LineCast, LineColumn, Ping
+from ..assembly import LineCast, LineColumn, LineSnippets, Ping
 from ..motion import motion_of
 from ..places import across_and_along
-from .kmall_datagrams import KmallDatagram, at, beams_of, column_of, datagrams, decoded, position_of
+from .kmall_datagrams import KmallDatagram, at, beams_of, column_of, datagrams, decoded, position_of, tide_of
 from .kongsberg_file import KongsbergFile, KongsbergRecords
 from .kongsberg_install import of_kmall
 
@@ -25,6 +27,8 @@ REAL = ("twoWayTravelTime_sec", "beamAngleReRx_deg", "z_reRefPoint_m", "y_reRefP
         "reflectivity1_dB", "qualityFactor", "detectionUncertaintyVer_m", "detectionUncertaintyHor_m",
         "meanAbsCoeff_dbPerkm")
 _ACTIVE = 1                        # of a sensor
+NO_SAMPLE = -32_768                # of a seabed image
+NO_HEIGHT = -999.0                 # [m] above the ellipsoid: there is none
 
 
 class KmallFile(KongsbergFile):
@@ -47,9 +51,14 @@ class KmallFile(KongsbergFile):
         self._motion = motion_of(found.samples(True, False), np.array(sorted(found.positions)).reshape(-1, 3),
                                  self._start, mounting=self._installation.motion_mounting,
                                  waterline=self._installation.waterline)
+        self._tides = np.array(sorted(found.tides)).reshape(-1, 2)
+        if len(self._tides):
+            streams = self._motion.streams
+            self._motion = replace(self._motion, streams=streams | {
+                "depth": streams["depth"] - np.interp(streams["time"] + self._start, *self._tides.T)})
 
     def _walk(self, stream: BinaryIO, number: int) -> None:
-        kinds = ("IIP", "SVP", "SKM", "MRZ") if number == 0 else ()
+        kinds = ("IIP", "SVP", "SKM", "SHI", "MRZ") if number == 0 else ()
         for datagram in datagrams(stream, (*kinds, "MWC") if self._water_column else kinds,
                                   self._found.passed if number == 0 else None):
             _note(self._found, datagram, number)
@@ -68,7 +77,11 @@ class KmallFile(KongsbergFile):
             raise ValueError(f"its ping {key[0]} is of receiver {head + 1} of {self._heads}; it is damaged.")
         waterline = info["z_waterLevelReRefPoint_m"]
         place = self._motion.at(datagram.time - self._start)
-        place["depth"] = -waterline
+        # A tide is stated where it changes, and holds until then.
+        stated = np.searchsorted(self._tides[:, 0], datagram.time + 1e-6)
+        level = float(self._tides[max(stated - 1, 0), 1]) if len(self._tides) else 0.0
+        place["depth"] = -waterline - level
+        height = info["ellipsoidHeightReRefPoint_m"]
         shots = {name: np.asarray(values) for name, values in content["txSectorInfo"].items()}
         sectors = _sectors(shots, sounding)
         sectors["angle"] = np.deg2rad(shots["tiltAngleReTx_deg"]) * (-1.0 if installed.backwards else 1.0)
@@ -80,16 +93,18 @@ class KmallFile(KongsbergFile):
         valid = (sounding["detectionType"] == _NORMAL) & (sounding["twoWayTravelTime_sec"] > 0)
         return Ping(
             place=place, head_sound_speed=info["soundSpeedAtTxDepth_mPerSec"], head=head, sectors=sectors,
+            levels={"tide": level, "ping_height": height if height > NO_HEIGHT else np.nan},
             soundings={"valid": valid, "travel_time": sounding["twoWayTravelTime_sec"],
                        "angle": np.deg2rad(sounding["beamAngleReRx_deg"])
                        * (1.0 if installed.receive_backwards[head] else -1.0),
                        "transmit_angle": sectors["angle"][sector], "sector": sector,
-                       "depth": sounding["z_reRefPoint_m"] - waterline, "x": x, "y": y, "across_track": across,
+                       "depth": sounding["z_reRefPoint_m"] - waterline - level, "x": x, "y": y, "across_track": across,
                        "along_track": along, "backscatter_db": sounding["reflectivity1_dB"],
                        "detection": np.where(valid, np.minimum(sounding["detectionMethod"], 2), 0),
                        "quality": 2 - np.log10(np.maximum(sounding["qualityFactor"], 1e-6)),
                        "uncertainty": sounding["detectionUncertaintyVer_m"],
                        "horizontal_uncertainty": sounding["detectionUncertaintyHor_m"]},
+            snippets=_snippets(content, valid) if self._water_column and self._found.snippet_samples else None,
             column=self._column(streams, key, place, head, sectors["absorption_db"]) if self._water_column else None)
 
     def _column(self, streams, key, place, head, absorption) -> LineColumn | None:
@@ -112,13 +127,16 @@ def _note(found: KongsbergRecords, datagram: KmallDatagram, number: int) -> None
     """Keep the contents of a datagram, or its place in file ``number``."""
     where = (number, datagram.offset, len(datagram.raw))
     if datagram.kind == "MRZ":
-        beams, sectors, extra = beams_of(datagram)
+        beams, sectors, extra, snippet = beams_of(datagram)
+        found.snippet_samples = max(found.snippet_samples, snippet)
         if not sectors:
             raise ValueError(f"its ping {datagram.key[0]} has no sectors; it is damaged.")
         found.note_ping(datagram.key[0], beams, sectors)
         found.soundings[datagram.key] = where
         found.extra += extra
-        found.positions.append((datagram.time, *position_of(datagram)))
+        longitude, latitude, height = position_of(datagram)
+        found.positions.append((datagram.time, longitude, latitude))
+        found.heights |= height > NO_HEIGHT
         found.model = datagram.model
     elif datagram.kind == "MWC":
         found.note_column(datagram.key[0], *column_of(datagram))
@@ -131,6 +149,12 @@ def _note(found: KongsbergRecords, datagram: KmallDatagram, number: int) -> None
             found.casts.append(LineCast.at(
                 datagram.time, float(content["latitude_deg"]), float(content["longitude_deg"]),
                 np.column_stack([nodes["depth_m"], nodes["soundVelocity_mPerSec"]])))
+    elif datagram.kind == "SHI":
+        if (tide := tide_of(datagram)) is not None:
+            found.tides.append((datagram.time, tide[0]))
+            found.datum = "" if tide[1] == "datum" else tide[1]
+        else:
+            found.passed.add("SHI")
     elif datagram.kind == "SKM":
         content = decoded(datagram)
         if samples := content["sample"]["KMdefault"]:
@@ -147,6 +171,19 @@ def _sectors(shots, sounding):
     return {"frequency": shots["centreFreq_Hz"], "delay": shots["sectorTransmitDelay_sec"],
             "pulse_length": shots["totalSignalLength_sec"], "bandwidth": shots["signalBandWidth_Hz"],
             "source_level_db": shots["txNominalSourceLevel_dB"], "absorption_db": np.array(absorption)}
+
+
+def _snippets(content, valid) -> LineSnippets | None:
+    """Return the seabed image of a ping; the sample of the sounding, not the first, has a time in the file."""
+    rate, soundings = content["rxInfo"]["seabedImageSampleRate"], content["sounding"]
+    if not 0 < rate < np.inf:
+        return None
+    centre, count, time = (np.asarray(soundings[name])[:valid.size] for name in (
+        "SIcentreSample", "SInumSamples", "twoWayTravelTime_sec"))
+    # Those of rejected beams are left out, as all else of them.
+    level = np.asarray(content["SIsample_desidB"], float)[:int(count.sum())][np.repeat(valid, count)]
+    return LineSnippets(rate=rate, start=np.where(valid & (count > 0), time - centre / rate, np.nan),
+                        count=np.where(valid, count, 0), level_db=np.where(level > NO_SAMPLE, 0.1 * level, np.nan))
 
 
 def _read(streams, where):

@@ -13,6 +13,8 @@ A detector's low pass of three taps (k, 1 - 2k, k) along range, over independent
 with CV0² = 4/π - 1. The taps' sum is 1, so that the slow part of the amplitudes is as before the filter, and the
 local mean takes the same share d from each covariance: d = 2 g(0) - (g * g)(0) = 1.5 / (2π TREND²), g the Gaussian.
 """
+from __future__ import annotations
+
 import numpy as np
 from scipy import ndimage, stats
 
@@ -22,32 +24,32 @@ WATER, CLEAR = 1.0, 4.0            # [m]: blinded by the transmission; from the 
 DARK_DB, BRIGHT_DB = -11.0, 10.0   # [dB] about the bed's median at that range
 
 
-def three_taps(k):
+def three_taps(k: float) -> tuple[float, float]:
     """Return r_1 and CV of independent Rayleigh amplitudes behind the taps (k, 1 - 2k, k)."""
     taken = 1.5 / (2 * np.pi * TREND ** 2)
     power = (1 - 2 * k) ** 2 + 2 * k ** 2 - taken
     return (2 * k * (1 - 2 * k) - taken) / power, np.sqrt((4 / np.pi - 1) * power)
 
 
-def over_local_mean(patches):
+def over_local_mean(patches: np.ndarray) -> np.ndarray:
     """Return patches (n, row, range) over their local means."""
     return patches / np.maximum(ndimage.gaussian_filter(patches, (0, TREND, TREND), mode="nearest"), 1e-9)
 
 
-def correlation(y, rows, samples):
+def correlation(y: np.ndarray, rows: int, samples: int) -> np.ndarray:
     """Return the correlation (n,) of zero-mean patches (n, row, range) at a lag of rows >= 0 and of samples."""
     first = y[:, :y.shape[1] - rows, max(0, -samples):y.shape[2] - max(0, samples)]
     second = y[:, rows:, max(0, samples):y.shape[2] - max(0, -samples)]
     return (first * second).mean((1, 2)) / np.maximum((y * y).mean((1, 2)), 1e-12)
 
 
-def r1_and_variation(patches):
+def r1_and_variation(patches: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return r_1 (n,) along range and CV (n,) of patches (n, row, range)."""
     x = over_local_mean(patches)
     return correlation(_centred(x), 0, 1), x.std((1, 2)) / x.mean((1, 2))
 
 
-def patch_clues(patches, row="ping"):
+def patch_clues(patches: np.ndarray, row: str = "ping") -> dict[str, np.ndarray]:
     """Return clues {name: (n,)} of patches (n, row, range); `row` is what a row is called."""
     x = over_local_mean(patches)
     y, log = _centred(x), np.log(np.maximum(patches, 1e-3))
@@ -88,7 +90,7 @@ def patch_clues(patches, row="ping"):
     return clues
 
 
-def run_clues(side, other, first, spacing):
+def run_clues(side: np.ndarray, other: np.ndarray, first: np.ndarray, spacing: float) -> dict[str, float]:
     """Return clues {name: value} of one run of pings of a side.
 
     Arguments are amplitudes of both sides (ping, sample), samples of the first return (ping,) and spacing [m].

@@ -7,6 +7,7 @@ and in a focused image outside shadows. The levels of a focused image are streng
 """
 from collections.abc import Sequence
 from dataclasses import dataclass
+from io import BytesIO
 
 import numpy as np
 import xarray as xr
@@ -85,7 +86,7 @@ def greys(dataset: xr.Dataset, frames: Sequence[LabelFrame], *, tvg: Tvg = "seab
                  unit=str(dataset["level"].attrs.get("units") or UNIT))
 
 
-def write_png(image: np.ndarray, path: FilePath) -> None:
+def write_png(image: np.ndarray, path: FilePath | BytesIO) -> None:
     """Write a picture (H, W) of uint8 or uint16 as PNG."""
     from PIL import Image
 

@@ -1,0 +1,144 @@
+"""Card of a set: ``README.md`` as Hugging Face shows it, and ``croissant.json`` (Croissant 1.0), the same for machines.
+
+What a set holds is counted; what only its makers know (title, licence, authors, homepage) is given.
+"""
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mitsonar.device.files import replacing
+from mitsonar.sweep.manifest import sha256
+
+if TYPE_CHECKING:
+    from .shards import Shard
+
+WORDS = ("title", "licence", "authors", "homepage")
+UNTOLD = {"title": "Simulated sonar images", "licence": "unknown", "authors": "unknown", "homepage": ""}
+SPLITS = {"val": "validation"}     # names of subsets at Hugging Face, where they differ
+SIZES = ((1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K"), (1_000_000, "100K<n<1M"))
+LIMITS = ("Every picture is computed, none is recorded. What a sonar hears follows from the scene: sea floors, objects "
+          "and water are models of their kind. Test detectors that learned from them alone on recordings.")
+CONTEXT = {"@language": "en", "@vocab": "https://schema.org/", "cr": "http://mlcommons.org/croissant/",
+           "sc": "https://schema.org/", "dct": "http://purl.org/dc/terms/", "citeAs": "cr:citeAs",
+           "conformsTo": "dct:conformsTo", "column": "cr:column", "data": {"@id": "cr:data", "@type": "@json"},
+           "dataType": {"@id": "cr:dataType", "@type": "@vocab"}, "extract": "cr:extract", "field": "cr:field",
+           "fileObject": "cr:fileObject", "fileSet": "cr:fileSet", "includes": "cr:includes",
+           "key": "cr:key", "md5": "cr:md5", "recordSet": "cr:recordSet", "references": "cr:references",
+           "source": "cr:source", "subField": "cr:subField", "transform": "cr:transform"}
+
+
+def check_words(about: Mapping[str, Any]) -> None:
+    """Raise `ValueError` for words that a card has no place for."""
+    if unknown := [name for name in about if name not in WORDS]:
+        raise ValueError(f"the card has no place for {unknown[0]}; give {', '.join(WORDS)}.")
+
+
+def write_card(shards: Sequence[Shard], folder: Path, about: Mapping[str, Any]) -> None:
+    """Write the card of a set of shards."""
+    check_words(about)
+    told = {**UNTOLD, **about}
+    pictures = [(shard, sample, picture) for shard in shards for sample in shard.samples for picture in sample.pictures]
+    texts = {"README.md": _readme(shards, pictures, told),
+             "croissant.json": json.dumps(_croissant(shards, folder, pictures, told), indent=1, ensure_ascii=False)}
+    for name, text in texts.items():
+        with replacing(folder / name) as temporary:
+            temporary.write_text(text + "\n", encoding="utf-8")
+
+
+def _readme(shards, pictures, told):
+    subsets = Counter(shard.subset for shard, _, _ in pictures)
+    classes = {subset: Counter() for subset in subsets}
+    for shard, _, picture in pictures:
+        classes[shard.subset].update({name: count for name, count in picture["counts"].items() if count})
+    names = sorted(set().union(*classes.values()))
+    bearing = {subset: sum(any(picture["counts"].values()) for shard, _, picture in pictures if shard.subset == subset)
+               for subset in subsets}
+    samples = list({id(sample): sample for _, sample, _ in pictures}.values())
+    rows = [f"| {subset} | {count:,} | {bearing[subset]:,} | "
+            + " | ".join(f"{classes[subset][name]:,}" for name in names) + " |" for subset, count in subsets.items()]
+    size = next((word for limit, word in SIZES if len(pictures) < limit), "n>1M")
+    files = "".join(f"  - split: {SPLITS.get(subset, subset)}\n    path: {subset}-*.tar\n" for subset in subsets)
+    return "\n".join([
+        "---", f"pretty_name: {json.dumps(told['title'], ensure_ascii=False)}", f"license: {_licence(told['licence'])}",
+        "task_categories:", "- object-detection", "- image-segmentation", "tags:", "- sonar", "- synthetic",
+        "- webdataset", f"size_categories:\n- {size}", "configs:", "- config_name: default", "  data_files:",
+        files.rstrip("\n"), "---", "", f"# {told['title']}", "",
+        f"{len(pictures):,} labelled pictures of {len(samples):,} simulated records, in {len(shards)} "
+        f"shard{'s' * (len(shards) != 1)} of "
+        f"{sum(shard.bytes for shard in shards) / 1e6:,.0f} MB. Licence: {told['licence']}. Authors: {told['authors']}."
+        + (f" See {told['homepage']}." if told["homepage"] else ""), "",
+        "| subset | pictures | with objects | " + " | ".join(names) + " |",
+        "|---" * (3 + len(names)) + "|", *rows, "",
+        "Objects are counted once in every picture. Subsets share no seabed, unless they were split by a parameter.",
+        "", "## What was drawn", "", *_drawn(samples), "", "## Physics", "", *_physics(pictures), "", "## Limits", "",
+        LIMITS, "", "## How to make it again", "",
+        "Every record follows from its scene, parameters, seed and versions, which stand in its JSON and in "
+        "`index.parquet`: on the same instruction set by the same bytes, on others with the same levels but for "
+        "rounding.", "", *_made(samples)])
+
+
+def _licence(text):
+    return text.lower() if text.lower().startswith(("cc", "mit", "apache", "bsd")) else "other"
+
+
+def _drawn(samples):
+    """Return a table of the parameters that vary."""
+    columns: dict[str, list] = {}
+    for sample in samples:
+        for name, value in sample.record["parameters"].items():
+            columns.setdefault(name, []).append(value)
+    rows = ["| parameter | values |", "|---|---|"]
+    for name, values in columns.items():
+        different = set(map(str, values))
+        if all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in values):
+            low, middle, high = np.percentile(values, [0, 50, 100])
+            rows.append(f"| {name} | {low:.4g} to {high:.4g}, median {middle:.4g} |" if low < high else
+                        f"| {name} | {low:.4g} |")
+        else:
+            rows.append(f"| {name} | {', '.join(sorted(different)[:8])}{', ...' * (len(different) > 8)} |")
+    return rows if len(rows) > 2 else ["Nothing but the seed."]
+
+
+def _physics(pictures):
+    kinds = Counter((picture.get("sonar"), picture.get("frequency"), picture.get("file")) for _, _, picture in pictures)
+    return [f"- {count:,} pictures of a {str(sonar).replace('_', ' ')}"
+            + (f" at {frequency / 1e3:g} kHz" if isinstance(frequency, (int, float)) else "") + f", scene `{scene}`"
+            for (sonar, frequency, scene), count in kinds.most_common()] + [
+        "- rays through refracting water, the sonar equation with measured scattering laws, speckle, noise, and the "
+        "receiver's own flaws, as the scene states them"]
+
+
+def _made(samples):
+    versions = Counter(json.dumps(sample.record["versions"], sort_keys=True) for sample in samples)
+    sets = Counter(str(sample.record["instruction_set"]) for sample in samples)
+    return [*(f"- {count:,} records by {', '.join(f'{name} {version}' for name, version in json.loads(text).items())}"
+              for text, count in versions.most_common()),
+            *(f"- {count:,} on {name}" for name, count in sets.most_common())]
+
+
+def _croissant(shards, folder, pictures, told):
+    """Return the set in Croissant's vocabulary: files with their hashes, and the columns of the index."""
+    import pyarrow.parquet as parquet
+
+    kinds = {"int64": "sc:Integer", "double": "sc:Float", "bool": "sc:Boolean"}
+    schema = parquet.read_schema(folder / "index.parquet")
+    fields = [{"@type": "cr:Field", "@id": (name := "pictures/" + field.name.replace(" ", "_")), "name": name,
+               "dataType": kinds.get(str(field.type), "sc:Text"),
+               "source": {"fileObject": {"@id": "index.parquet"}, "extract": {"column": field.name}}}
+              for field in schema]
+    files = [("index.parquet", "application/x-parquet"), *((shard.name, "application/x-tar") for shard in shards)]
+    return {"@context": CONTEXT, "@type": "sc:Dataset", "conformsTo": "http://mlcommons.org/croissant/1.0",
+            "name": told["title"], "description": f"{len(pictures):,} labelled pictures of a simulated sonar. {LIMITS}",
+            "license": told["licence"], "url": told["homepage"] or "about:blank", "version": "1.0.0",
+            "creator": {"@type": "sc:Organization", "name": told["authors"]},
+            "distribution": [{"@type": "cr:FileObject", "@id": name, "name": name, "contentUrl": name,
+                              "encodingFormat": kind, "sha256": sha256(folder / name)} for name, kind in files],
+            "recordSet": [{"@type": "cr:RecordSet", "@id": "pictures", "name": "pictures",
+                           "key": {"@id": "pictures/key"}, "field": fields}]}
+

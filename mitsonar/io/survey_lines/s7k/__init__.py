@@ -1,0 +1,1 @@
+"""Read s7k files of Teledyne Reson, Norbit and others."""

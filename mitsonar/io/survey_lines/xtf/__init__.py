@@ -1,0 +1,1 @@
+"""Read lines of multibeam sonars from XTF files."""

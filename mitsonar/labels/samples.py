@@ -1,0 +1,113 @@
+"""Samples of training sets: the labelled pictures of one record in a tar, as WebDataset and Hugging Face read it.
+
+    KEY.png                 picture, 8 bits
+    KEY.json                size, parameters, seed, seabed, gain; annotations as those of COCO, with category names
+    KEY.instance.png, KEY.class.png, KEY.shadow.png, KEY.bed_shadow.png      masks, 16 bits
+    KEY.txt                 YOLO
+    KEY.npz                 variables of the record, laid out as the picture
+
+A key has no dot, by which readers part it from the ending. Tars have no times and no owners, so that equal content has
+equal bytes.
+"""
+import io
+import json
+import tarfile
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import IO, Any
+
+import numpy as np
+import xarray as xr
+
+from . import coco, yolo
+from .labelling import LabelledTile, labelled
+from .pictures import write_png
+from .rules import Labels
+
+# attributes of a record that its pictures' JSON has
+TOLD = ("sonar", "file", "parameters", "seed", "seabed", "frequency", "versions", "instruction_set")
+
+
+@dataclass(frozen=True, kw_only=True)
+class SampleRules:
+    """Content of samples.
+
+    Attributes
+    ----------
+    labels : Labels
+        Labels and their rules, with the classes of all samples.
+    arrays : tuple of str
+        Variables of the record over the dimensions of ``level``.
+    """
+
+    labels: Labels
+    arrays: tuple[str, ...] = ()
+
+    def __post_init__(self):
+        if self.labels.classes is None:
+            raise ValueError("samples need the classes of all images before the first is made; give classes.")
+        if self.labels.split is not None:
+            raise ValueError("a split is of a whole set; give it when shards are made.")
+
+
+def write_sample(record: xr.Dataset, stream: IO[bytes], key: str, rules: SampleRules) -> int:
+    """Write the labelled pictures of a record as a tar, and return their number."""
+    about = {name: record.attrs.get(name) for name in TOLD}
+    numbers = coco.categories(rules.labels.classes or (), whole=rules.labels.whole)
+    key, count = key.replace(".", "_").replace("/", "_"), 0
+    with tarfile.open(fileobj=stream, mode="w", format=tarfile.USTAR_FORMAT) as tar:
+        for tile in labelled(record, key, rules.labels)[1]:
+            if rules.labels.drop_empty and not tile.pieces:
+                continue
+            if lacking := {piece.class_name for piece in tile.pieces} - set(rules.labels.classes or ()):
+                raise ValueError(f"{key} has objects of the class {', '.join(sorted(lacking))}, which the classes "
+                                 "given lack; give all classes.")
+            name = f"{key}_{tile.ending}" if tile.ending else key
+            count += 1
+            for ending, content in _members(record, tile, name, rules, numbers, about):
+                info = tarfile.TarInfo(f"{name}.{ending}")
+                info.size = len(content)
+                tar.addfile(info, io.BytesIO(content))
+    return count
+
+
+def _members(record, tile: LabelledTile, name: str, rules: SampleRules, numbers: dict[str, int],
+             about: Mapping[str, Any]) -> Iterator[tuple[str, bytes]]:
+    """Yield the files of a picture: ending and content."""
+    height, width = tile.picture.shape
+    yield "png", _png(tile.picture)
+    if rules.labels.masks:
+        for kind, mask in tile.masks(numbers, name).items():
+            yield f"{kind}.png", _png(mask)
+    if rules.labels.yolo:
+        lines = [yolo.line(piece, rules.labels.yolo, numbers, height, width) + "\n" for piece in tile.pieces]
+        yield "txt", "".join(lines).encode()
+    if rules.arrays:
+        held = io.BytesIO()
+        np.savez_compressed(held, **_arrays(record, tile, rules.arrays))
+        yield "npz", held.getvalue()
+    entries = [{key: value for key, value in coco.entry(piece, number, 0, numbers).items() if key != "image_id"}
+               | {"category": piece.category} for number, piece in enumerate(tile.pieces, 1)] * rules.labels.coco
+    counts = {category: sum(piece.category == category for piece in tile.pieces) for category in numbers}
+    yield "json", json.dumps({"height": height, "width": width, "frame": tile.number, **about, **tile.description,
+                              "counts": counts, "annotations": entries}, ensure_ascii=False).encode()
+
+
+def _arrays(record, tile, names: Sequence[str]) -> dict[str, np.ndarray]:
+    """Return variables of a record as the picture lies."""
+    part = np.s_[tile.description["row"]:tile.description["row"] + tile.picture.shape[0],
+                 tile.description["column"]:tile.description["column"] + tile.picture.shape[1]]
+    laid = {}
+    for name in names:
+        if name not in record or set(record[name].dims) - set(record["level"].dims):
+            raise ValueError(f"the record has no variable {name} over {', '.join(map(str, record['level'].dims))}; "
+                             f"it has {', '.join(map(str, record.data_vars))}.")
+        values = record[name].transpose(*(dim for dim in record["level"].dims if dim in record[name].dims)).values
+        laid[name] = (tile.frame.levels(values) if name == "level" else tile.frame.lay(values))[part]
+    return laid
+
+
+def _png(picture: np.ndarray) -> bytes:
+    held = io.BytesIO()
+    write_png(picture, held)
+    return held.getvalue()

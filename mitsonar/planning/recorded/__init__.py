@@ -1,0 +1,1 @@
+"""Recorded lines of soundings, changed before they are reduced again."""

@@ -1,0 +1,160 @@
+"""Samples and shards: what a tar holds, whole shards with the same bytes, subsets without a common seabed, the card."""
+import io
+import json
+import tarfile
+
+import numpy as np
+import pytest
+from labelled_sidescan import labelled
+from PIL import Image
+
+from mitsonar.dataset.card import check_words
+from mitsonar.dataset.shards import write_shards
+from mitsonar.dataset.split import read_shares
+from mitsonar.labels.rules import Labels
+from mitsonar.labels.samples import SampleRules, write_sample
+from mitsonar.sweep.manifest import sha256
+
+pytest.importorskip("pyarrow")
+RULES = SampleRules(labels=Labels(coco=True, yolo="boxes", masks=True, classes=["box", "wreck"]), arrays=("level",))
+ENDINGS = {"png", "json", "txt", "npz", "instance.png", "class.png", "shadow.png", "bed_shadow.png"}
+
+
+def members(path):
+    with tarfile.open(path) as tar:
+        return {member.name: tar.extractfile(member).read() for member in tar}
+
+
+def sample(record=None, rules=RULES, key="000.7"):
+    held = io.BytesIO()
+    write_sample(record if record is not None else labelled(), held, key, rules)
+    held.seek(0)
+    with tarfile.open(fileobj=held) as tar:
+        return {member.name: tar.extractfile(member).read() for member in tar}
+
+
+@pytest.fixture(scope="module")
+def sweep(tmp_path_factory):
+    """A folder as a sweep leaves it: twelve samples of six seabeds."""
+    folder = tmp_path_factory.mktemp("sweep")
+    with open(folder / "manifest.jsonl", "w", encoding="utf-8") as manifest:
+        for index in range(12):
+            record = labelled(20 + index, seabed=f"bed {index // 2}", seed=index, sonar="sidescan", frequency=400e3,
+                              rectangles=[("highlight", "box.1", 1, 5, 12, 40, 45)])
+            path = folder / f"{index:06}.tar"
+            with open(path, "wb") as file:
+                write_sample(record, file, path.stem, RULES)
+            manifest.write(json.dumps(
+                {"index": index, "output": path.name, "parameters": {"bed": index // 3, "preset": "a"}, "seed": index,
+                 "inputs": "", "versions": {"mitsonar": "1"}, "status": "ok", "seconds": 1.5, "instruction_set": "AVX2",
+                 "bytes": path.stat().st_size, "sha256": sha256(path)}) + "\n")
+    return folder
+
+
+def test_a_sample_holds_picture_masks_labels_and_arrays():
+    held = sample()
+    assert {name.partition(".")[2] for name in held} == ENDINGS and {name.partition(".")[0] for name in held} == {
+        "000_7"}
+    picture, about = np.array(Image.open(io.BytesIO(held["000_7.png"]))), json.loads(held["000_7.json"])
+    assert picture.dtype == np.uint8 and picture.shape == (about["height"], about["width"]) == (60, 200)
+    wreck, = (entry for entry in about["annotations"] if entry["category"] == "wreck")
+    left, upper, wide, high = wreck["bbox"]
+    classes = np.array(Image.open(io.BytesIO(held["000_7.class.png"])))
+    assert (classes[upper:upper + high, left:left + wide] == 2).all() and (classes == 2).sum() == wide * high == 400
+    assert about["counts"] == {"box": 1, "wreck": 1, "box shadow": 1, "wreck shadow": 1}
+    level = np.load(io.BytesIO(held["000_7.npz"]))["level"]
+    assert level.shape == picture.shape and (level[upper:upper + high, left:left + wide] == 95).all()
+    assert sample() == held                            # no times, no owners
+
+
+def test_tiles_are_pictures_of_their_own():
+    rules = SampleRules(labels=Labels(masks=True, tile=(32, 100), classes=["box", "wreck"]), arrays=("level",))
+    held = sample(rules=rules)
+    assert {name.partition(".")[0] for name in held} == {f"000_7_{row}_{column}" for row in (0, 28)
+                                                         for column in (0, 100)}
+    whole = np.load(io.BytesIO(sample()["000_7.npz"]))["level"]
+    np.testing.assert_array_equal(np.load(io.BytesIO(held["000_7_28_100.npz"]))["level"], whole[28:, 100:])
+
+
+def test_shards_hold_every_sample_once_in_mixed_order_and_keep_seabeds_apart(sweep, tmp_path):
+    import pyarrow.parquet as parquet
+
+    shards = write_shards([sweep], tmp_path / "set", size=1_000_000, shares=read_shares("train=0.5,val=0.5"), seed=1,
+                          about={"title": "Boxes", "licence": "CC-BY-4.0"})
+    held = {shard.name: members(tmp_path / "set" / shard.name) for shard in shards}
+    assert all((tmp_path / "set" / shard.name).stat().st_size == shard.bytes for shard in shards)
+    assert sum(map(len, held.values())) == 12 * len(ENDINGS)
+    for index in range(12):
+        name = f"{index:06}"
+        expected = members(sweep / f"{name}.tar")
+        assert any(expected.items() <= content.items() for content in held.values())
+    beds = {subset: {sample.seabed for shard in shards if shard.subset == subset for sample in shard.samples}
+            for subset in ("train", "val")}
+    assert not beds["train"] & beds["val"] and len(beds["train"] | beds["val"]) == 6
+    order = [sample.path.stem for sample in shards[0].samples]
+    assert order != sorted(order)
+    table = parquet.read_table(tmp_path / "set" / "index.parquet").to_pylist()
+    assert len(table) == 12 and {row["key"] for row in table if row["subset"] == "val"} == {
+        sample.path.stem for shard in shards if shard.subset == "val" for sample in shard.samples}
+    assert table[0]["count_box"] == 1 and table[0]["parameter_preset"] == "a" and table[0]["instruction_set"] == "AVX2"
+    card = (tmp_path / "set" / "README.md").read_text(encoding="utf-8")
+    assert "license: cc-by-4.0" in card and "| train | 6 | 6 | 6 |" in card and "| bed | 0 to 3, median 1.5 |" in card
+    croissant = json.loads((tmp_path / "set" / "croissant.json").read_text(encoding="utf-8"))
+    assert {file["name"]: file["sha256"] for file in croissant["distribution"]}["train-00000.tar"] == sha256(
+        tmp_path / "set" / "train-00000.tar")
+
+
+def test_an_interrupted_set_goes_on_to_the_same_bytes(sweep, tmp_path):
+    def bytes_of(folder):
+        return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+    def stop(done, total):
+        raise KeyboardInterrupt
+
+    write_shards([sweep], tmp_path / "calm", shares=read_shares("train=0.5,val=0.5"))
+    with pytest.raises(KeyboardInterrupt):
+        write_shards([sweep], tmp_path / "set", shares=read_shares("train=0.5,val=0.5"), progress=stop)
+    first = tmp_path / "set" / "train-00000.tar"
+    before = first.stat().st_mtime_ns
+    write_shards([sweep], tmp_path / "set", shares=read_shares("train=0.5,val=0.5"))
+    assert first.stat().st_mtime_ns == before and bytes_of(tmp_path / "set") == bytes_of(tmp_path / "calm")
+    with pytest.raises(ValueError, match="holds shards of other samples, or of another split"):
+        write_shards([sweep], tmp_path / "set", shares=read_shares("train=0.5,val=0.5"), seed=2)
+
+
+def test_a_split_by_a_parameter_keeps_its_values_apart(sweep, tmp_path):
+    shards = write_shards([sweep], tmp_path / "set", shares=read_shares("train=0.75,test=0.25"), by="bed")
+    beds = [{sample.record["parameters"]["bed"] for sample in shard.samples} for shard in shards]
+    assert [len(bed) for bed in beds] == [3, 1] and not beds[0] & beds[1]
+    with pytest.raises(ValueError, match="has no scene parameter colour; it was given bed, preset"):
+        write_shards([sweep], tmp_path / "other", shares=read_shares("train=0.5,val=0.5"), by="colour")
+
+
+@pytest.mark.parametrize("spoil, said", [
+    (lambda path: path.write_bytes(b""), "was altered after writing"),
+    (lambda path: path.write_bytes(b"?" * path.stat().st_size), "cannot read the sample"),
+    (lambda path: path.unlink(), "which is not there")])
+def test_spoilt_samples_are_refused(sweep, tmp_path, spoil, said):
+    import shutil
+
+    shutil.copytree(sweep, tmp_path / "sweep")
+    spoil(tmp_path / "sweep" / "000003.tar")
+    with pytest.raises((ValueError, FileNotFoundError), match=said):
+        write_shards([tmp_path / "sweep"], tmp_path / "set")
+    assert not (tmp_path / "set").exists()
+
+
+def test_wrong_words_are_refused(sweep, tmp_path):
+    with pytest.raises(ValueError, match=r"both hold a picture named 000000"):
+        import shutil
+
+        shutil.copytree(sweep, tmp_path / "copy")
+        write_shards([sweep, tmp_path / "copy"], tmp_path / "set")
+    with pytest.raises(ValueError, match="is no sweep with finished samples"):
+        write_shards([tmp_path], tmp_path / "set")
+    with pytest.raises(ValueError, match="give at least 1,000,000"):
+        write_shards([sweep], tmp_path / "set", size=1000)
+    with pytest.raises(ValueError, match="has no place for price"):
+        check_words({"price": 1})
+    with pytest.raises(ValueError, match="samples need the classes"):
+        SampleRules(labels=Labels(masks=True))
