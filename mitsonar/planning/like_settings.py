@@ -11,7 +11,7 @@ import xarray as xr
 
 from mitsonar.device.rotations import mounted
 from mitsonar.units import deg_from_radians, khz_from_hertz
-from mitsonar.water import absorption_db
+from mitsonar.water.absorption import absorption_db
 
 WIDEST = 170.0                     # [degrees]: largest swath
 WIDE_SHARE = 0.95                  # of the pings have no wider swath than the scene

@@ -23,6 +23,7 @@ FIRST = {
 #: files that read the water of a sensor, which may be changed after planning
 OF_SENSOR = {
     "mitsonar/survey/bending.py": "bound of a warning",
+    "mitsonar/survey/soundings/survey.py": "the datum of depths, which is the same for all pings",
     "mitsonar/survey/sensor.py": "where surveys get their water, and the times of their windows",
     "mitsonar/gradients/attached/scene.py": "the altered water, which is set for all pings",
     "mitsonar/inversion/problems.py": "the water that an array is calibrated in"}

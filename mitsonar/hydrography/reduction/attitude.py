@@ -10,13 +10,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 
 from mitsonar.device.rotations import mounted
 from mitsonar.device.types import Real
 from mitsonar.sonar.motion.trajectory import SmoothCurve
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -25,7 +25,7 @@ from mitsonar.signal.gates import speckle_gates
 from mitsonar.sonar.faces.faces import BuiltFace
 from mitsonar.sonar.faces.sidescan import Sidescan
 from mitsonar.units import db_from_power, power_from_db, radians_from_deg
-from mitsonar.water import absorption_db
+from mitsonar.water.absorption import absorption_db
 
 from .sidescan_line import SidescanLine
 from .sidescan_recorder import FoundNoise, FoundRecorder, noise_of
