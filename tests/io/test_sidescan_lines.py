@@ -160,7 +160,7 @@ def test_padding_beyond_the_memory_allowed_is_refused(line, monkeypatch):
 @pytest.mark.parametrize(("change", "words"), [
     (lambda raw: raw[:-70], "cut off"),
     (lambda raw: raw[:900], "header of 1024 bytes"),
-    (lambda raw: raw[:1024], "0 sidescan pings"),
+    (lambda raw: raw[:1024], "no XTF file with sonar packets"),
     (lambda raw: raw[:1024] + b"\0" * 300, "no packet starts"),
 ])
 def test_cut_and_broken_files_are_refused_in_one_sentence(line, change, words, tmp_path):

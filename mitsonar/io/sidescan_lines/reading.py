@@ -76,8 +76,8 @@ def read(path: FilePath, *, channels: Sequence[int] | None = None, frequency: fl
     check_readable(path, "the sidescan record", "an XTF, JSF or SDF file")
     kind = recognised(path)
     if kind is None:
-        raise ValueError(f"cannot read the sidescan record {path}: it is no XTF, JSF or SDF file; give a recorded "
-                         "sidescan.")
+        raise ValueError(f"cannot read the sidescan record {path}: it is no XTF file with sonar packets, and no JSF "
+                         "or SDF file; give a recorded sidescan.")
     some = pings or slice(None)
     if some.step not in (None, 1) or (some.start or 0) < 0 or some.stop is not None and some.stop <= (some.start or 0):
         raise ValueError(f"the pings to read of {path} are {pings}; give a slice from a first ping, counted from 0, to "
