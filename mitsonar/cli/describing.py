@@ -7,15 +7,20 @@ from mitsonar.verbs import guide
 
 from .arguments import Commands, add_parameters, check_picture, parameters, set_up, whole
 from .completion import add_file
-from .words import announce
+from .words import announce, warn
 
 NARROWEST, WIDEST = 40, 110        # columns; within these as wide as the terminal
 
 
 def add(commands: Commands) -> None:
     """Add the commands to the parser's."""
-    listed = commands.add_parser("scenes", help="list the scenes that come with mitsonar")
-    listed.set_defaults(run=lambda _: announce(guide.scenes()))
+    listed = commands.add_parser("scenes", help="list the scenes that come with mitsonar, or copy a scene with all its "
+                                                "files into a folder")
+    add_file(listed, "scene", nargs="?", shipped=True, help="scene to copy; default: list those of mitsonar")
+    listed.add_argument("-o", "--output", metavar="FOLDER", help="new or empty folder of the copy")
+    listed.add_argument("--outside", action="store_true",
+                        help="copy files outside the scene's folder too; a scene may name any file that you can read")
+    listed.set_defaults(run=_scenes)
     describe = commands.add_parser("describe", help="list the parameters of a scene, the attributes of a plugin, or "
                                                     "the figures of a preset with their sources")
     add_file(describe, "name", metavar="SCENE|PLUGIN|PRESET", nargs="?", shipped=True,
@@ -35,6 +40,22 @@ def add(commands: Commands) -> None:
     show.add_argument("--ping", type=whole, metavar="N",
                       help="number of the ping of the section, from 0; default: the middle one")
     show.set_defaults(run=_show)
+
+
+def _scenes(arguments):
+    if arguments.scene is None:
+        if arguments.output is not None or arguments.outside:
+            raise ValueError("scenes -o copies a scene; give the scene too.")
+        return announce(guide.scenes())
+    if arguments.output is None:
+        raise ValueError(f"scenes {arguments.scene} copies this scene; give a folder by -o, or see "
+                         f"mitsonar describe {arguments.scene}.")
+    from mitsonar.io.scene_files.portable import copy_scene
+    from mitsonar.plugins import reference
+
+    names = copy_scene(arguments.scene, arguments.output, reference.input_files, outside=arguments.outside)
+    announce(Path(arguments.output) / names[0])
+    warn(f"{len(names)} files are in {arguments.output}")
 
 
 def _describe(arguments):

@@ -61,7 +61,7 @@ def add(commands: Commands) -> None:
     mosaic.set_defaults(run=_mosaic)
 
     grid = commands.add_parser("grid", help="lay lines of soundings on a map, as a GeoTIFF, BAG or S-102")
-    add_file(grid, "lines", metavar="LINE", nargs="+", help=".nc, .gsf, .kmall, .all, .s7k or .xtf")
+    add_file(grid, "lines", metavar="LINE", nargs="+", help=".nc, .gsf, .kmall, .all, .s7k, .xtf or .hsx")
     grid.add_argument("--cell", type=number, default=1.0, metavar="M", help="side of a cell; default: 1")
     grid.add_argument("--rule", default="mean", choices=("mean", "weighted", "shoalest"),
                       help="combination of the depths in a cell; weighted: by their uncertainties")
@@ -76,7 +76,7 @@ def add(commands: Commands) -> None:
     bag = commands.add_parser("bag", help="write records as a bag of ROS 2; or read a vehicle's bag: its track as that "
                                           "of a scene, its sonar's images as records")
     add_file(bag, "records", metavar="RECORD", nargs="+",
-             help="images or soundings (.exr, .nc), or recorded lines (.all, .kmall, .gsf, .s7k, .xtf); or one bag")
+             help="images or soundings (.exr, .nc), recorded lines (.all, .kmall, .gsf, .s7k, .xtf, .hsx); or one bag")
     add_file(bag, "-o", "--output", metavar="OUT.mcap|xml|nc|exr", required=True,
              help="bag; of a bag, a scene with its track (.xml, with --like) or its sonar's images (.nc, .exr)")
     bag.add_argument("--start", metavar="DATE",

@@ -1,4 +1,4 @@
-"""The command labels: training data from images."""
+"""The commands labels and shards: training data from images."""
 import argparse
 import os
 import sys
@@ -49,6 +49,18 @@ def add(commands: Commands) -> None:
     labels.add_argument("--split-by", metavar="PARAMETER", help="parameter of the scene to split by, not the seabed")
     labels.set_defaults(run=_labels)
 
+    shards = commands.add_parser("shards", help="gather the samples of sweeps in a few tars, with an index and a card")
+    add_file(shards, "folders", nargs="+", metavar="SWEEP", help="folders of sweeps whose output ends in .tar")
+    add_file(shards, "-o", "--output", required=True, metavar="FOLDER", help="folder of the set")
+    shards.add_argument("--size", type=whole, default=500, metavar="MB", help="size of a shard; default: 500")
+    shards.add_argument("--split", metavar="SHARES", help="subsets without a common seabed: train=0.8,val=0.1,test=0.1")
+    shards.add_argument("--split-by", metavar="PARAMETER", help="parameter of the scene to split by, not the seabed")
+    shards.add_argument("--seed", type=whole, default=0, metavar="N",
+                        help="random seed of the split and of the order of samples; default: 0")
+    for word in ("title", "licence", "authors", "homepage"):
+        shards.add_argument(f"--{word}", metavar="TEXT", help=f"{word} on the card")
+    shards.set_defaults(run=_shards)
+
 
 def _labels(arguments):
     from mitsonar.dataset.labels.writing import write
@@ -76,6 +88,23 @@ def _labels(arguments):
           + f"; {invisible} more where the picture is black all around" * bool(invisible)
           + f"; {empty} empty picture{'s' * (empty != 1)} left out" * bool(empty), file=sys.stderr)
     announce(output)
+
+
+def _shards(arguments):
+    from mitsonar.dataset.shards import write_shards
+    from mitsonar.dataset.split import read_shares
+
+    if arguments.split is None and arguments.split_by is not None:
+        raise ValueError("a parameter to split by is given, but no split; give its shares or leave it out.")
+    about = {word: text for word in ("title", "licence", "authors", "homepage")
+             if (text := getattr(arguments, word)) is not None}
+    with Progress("shards", "writing") as progress:
+        shards = write_shards(arguments.folders, arguments.output, size=arguments.size * 1_000_000, seed=arguments.seed,
+                              shares=None if arguments.split is None else read_shares(arguments.split),
+                              by=arguments.split_by, about=about, progress=progress)
+    samples = sum(len(shard.samples) for shard in shards)
+    print(f"{samples} records in {len(shards)} shard{'s' * (len(shards) != 1)}", file=sys.stderr)
+    announce(arguments.output)
 
 
 def _size(text):

@@ -239,6 +239,9 @@ def _bed(arguments, corners: "Corners | None") -> "tuple[PlannedBed, Frame]":
 
 def _doubts(planned, numbers, deepest_sample):
     """Yield warnings about the plan."""
+    from mitsonar.planning.uncertainty.error_budget import HITS
+    from mitsonar.units import KNOT
+
     _, _, deepest = planned.depths
     if deepest_sample is not None and deepest_sample < deepest:
         yield (f"the cast ends at {deepest_sample:.4g} m and the bed lies down to {deepest:.4g} m; sound speed is "
@@ -248,6 +251,14 @@ def _doubts(planned, numbers, deepest_sample):
         yield f"{unknown:.1f} % of the area has no depth; it is not counted in the coverage"
     if planned.shoal >= 0.0005:
         yield f"{100 * planned.shoal:.1f} % of the area is shoaler than {planned.least_depth:.4g} m, and is left out"
+    along, speed = numbers["along_track"], planned.layout.speed
+    if along["gapless_speed"] is not None and speed > along["gapless_speed"]:
+        yield (f"at {speed / KNOT:.3g} knots pings leave gaps along the track straight below; sail at "
+               f"{along['gapless_speed'] / KNOT:.3g} knots or less")
+    if along["feature_speed"] is not None and speed > along["feature_speed"]:
+        yield (f"at {speed / KNOT:.3g} knots fewer than {HITS} pings meet a feature of {along['feature']:.2g} m, the "
+               f"least that order {numbers['order']} asks for; sail at {along['feature_speed'] / KNOT:.3g} knots or "
+               "less")
     aground = [line.number for line in planned.lines if line.track.depth.min() <= planned.sonar.head_depth]
     if aground:
         names = f"{', '.join(map(str, aground[:8]))}{' ...' if len(aground) > 8 else ''}"

@@ -24,7 +24,7 @@ from .words import announce
 def add(commands: Commands) -> None:
     """Add the commands to the parser's."""
     plot = commands.add_parser("plot", help="draw an image, a line of soundings or a fit's answer")
-    add_file(plot, "image", metavar="IN.exr|nc|kmall|all|gsf|s7k|xtf",
+    add_file(plot, "image", metavar="IN.exr|nc|kmall|all|gsf|s7k|xtf|hsx",
              help="an image, a line of soundings or a fit's answer")
     plot.add_argument("--what", metavar="VIEW",
                       help="view of an image: waterfall (default), objects, ping, mean, labels, class, share, hidden, "

@@ -17,7 +17,7 @@ from .words import announce, leave_if_interrupted, warn
 if TYPE_CHECKING:
     import xarray as xr
 
-LINES = (".all", ".gsf", ".kmall", ".kmwcd", ".nc", ".s7k", ".wcd", ".xtf")     # recorded lines, not scenes
+LINES = (".all", ".gsf", ".hsx", ".kmall", ".kmwcd", ".nc", ".s7k", ".wcd", ".xtf")    # recorded, not scenes
 
 
 def add(commands: Commands) -> None:
@@ -42,7 +42,8 @@ def add(commands: Commands) -> None:
     add_file(command, "--heave", metavar="FILE", help="delayed heave for a recorded line: POS MV with groups 111")
     command.add_argument("--head-speed", type=number, metavar="M/S",
                          help="another sound speed at the head, for a recorded line")
-    command.add_argument("--column", action="store_true", help="keep the water column")
+    command.add_argument("--column", action="store_true",
+                         help="keep the water column, and the snippets of a recorded line")
     command.add_argument("--snippets", type=whole, default=0, metavar="N",
                          help="samples of the bed's backscatter strength to keep about each sounding; default: 0")
     command.add_argument("--start", metavar="DATE",
@@ -76,7 +77,7 @@ def _soundings(arguments):
     if arguments.dry_run:
         return _estimate(arguments, place)
     before, words = 0, []
-    with Progress() as progress:
+    with Progress(warm_up=1 if arguments.processes == 1 else 4 * arguments.processes) as progress:
         if _is_recorded(arguments.scene):
             written = survey_lines.write(_recorded(arguments, words), arguments.output, place=place,
                                          start=arguments.start)

@@ -29,6 +29,8 @@ def add(commands: Commands) -> None:
                        help="make part K of N alone, here or on another machine; other parts may run at the same time")
     sweep.add_argument("--merge", nargs="+", metavar="FOLDER",
                        help="check the parts in these folders and join them in the folder of -o")
+    sweep.add_argument("--only", type=whole, metavar="INDEX",
+                       help="make render INDEX of the plan alone, as the EXR of -o, whatever the plan's product")
     sweep.add_argument("--part-script", choices=("slurm", "kubernetes"),
                        help="print a script that runs --parts parts under a batch system")
     sweep.add_argument("--parts", type=whole, metavar="N", help="number of parts of --part-script")
@@ -46,6 +48,8 @@ def _sweep(arguments):
     plan = load_plan(arguments.plan)
     if arguments.merge:
         return _merge(plan, arguments)
+    if arguments.only is not None:
+        return _only(plan, arguments)
     if arguments.part_script:
         return _print_script(plan, arguments)
     if arguments.dry_run:
@@ -74,7 +78,7 @@ def _check_alone(arguments):
     """Raise `ValueError` for options that make no sense together."""
     given = [option for option, value in (
         ("--dry-run", arguments.dry_run), ("--part", arguments.part), ("--merge", arguments.merge),
-        ("--part-script", arguments.part_script)) if value]
+        ("--only", arguments.only is not None), ("--part-script", arguments.part_script)) if value]
     if len(given) > 1 and given != ["--dry-run", "--part"]:
         raise ValueError(f"{given[0]} and {given[1]} were given together; leave one out.")
     if (arguments.part_script is None) != (arguments.parts is None):
@@ -100,6 +104,20 @@ def _merge(plan, arguments):
              "one of them some bytes would differ, levels by rounding only")
     announce(os.path.join(merged.folder, "manifest.jsonl"))
     return 0 if merged.joined == merged.total else 1
+
+
+def _only(plan, arguments):
+    from mitsonar.device.files import checked_suffix
+    from mitsonar.sweep.execute import only
+
+    if not 0 <= arguments.only < len(plan):
+        raise ValueError(f"--only is {arguments.only}, and the plan makes {_count(len(plan), 'render')}; give a number "
+                         f"from 0 to {len(plan) - 1}.")
+    output = arguments.output or f"{arguments.only:06}.exr"
+    checked_suffix(output, (".exr",))
+    only(plan, arguments.only, output, threads=arguments.threads)
+    announce(output)
+    return 0
 
 
 def _by_fault(wrong):

@@ -69,7 +69,8 @@ def _readme(shards, pictures, told):
         "task_categories:", "- object-detection", "- image-segmentation", "tags:", "- sonar", "- synthetic",
         "- webdataset", f"size_categories:\n- {size}", "configs:", "- config_name: default", "  data_files:",
         files.rstrip("\n"), "---", "", f"# {told['title']}", "",
-        f"{len(pictures):,} labelled pictures of {len(samples):,} simulated records, in {len(shards)} shards of "
+        f"{len(pictures):,} labelled pictures of {len(samples):,} simulated records, in {len(shards)} "
+        f"shard{'s' * (len(shards) != 1)} of "
         f"{sum(shard.bytes for shard in shards) / 1e6:,.0f} MB. Licence: {told['licence']}. Authors: {told['authors']}."
         + (f" See {told['homepage']}." if told["homepage"] else ""), "",
         "| subset | pictures | with objects | " + " | ".join(names) + " |",

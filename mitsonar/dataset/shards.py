@@ -24,7 +24,7 @@ from .card import write_card
 from .index import write_index
 from .split import deal
 
-SUFFIX, LAYOUT = ".tar", ".shards.json"
+SUFFIX, LAYOUT = ".tar", ".shards"
 SMALLEST = 1_000_000               # bytes of a shard
 BLOCK, RECORD = 512, 10_240        # bytes, of tars
 

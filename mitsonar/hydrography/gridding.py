@@ -125,7 +125,7 @@ def _covering(bounds: tuple[float, float, float, float], cell: float) -> MapGrid
 
 def _chart(grid: MapGrid, layers: dict[str, np.ndarray], number: np.ndarray, attrs: dict) -> xr.Dataset:
     """Return the layers as a map."""
-    words = {"depth": "below the still surface, positive down",
+    words = {"depth": f"below {attrs.get('vertical_datum', 'the still surface')}, positive down",
              "deviation": "of the soundings in a cell, about their mean",
              "uncertainty": "of the depth, standard deviation"}
     variables: dict[str, tuple] = {

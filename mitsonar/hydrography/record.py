@@ -31,9 +31,12 @@ import xarray as xr
 
 from mitsonar.device.record_table import RecordTable, rows
 
-__all__ = ["BY_AMPLITUDE", "BY_PHASE", "NOT_DETECTED", "VARIABLES", "check", "joined", "variable"]
+__all__ = ["BY_AMPLITUDE", "BY_PHASE", "NOT_DETECTED", "VARIABLES", "as_written", "check", "joined",
+           "variable"]
 
 NOT_DETECTED, BY_AMPLITUDE, BY_PHASE = 0, 1, 2        # values of ``detection``
+_WRITTEN = {"backscatter_db": "written_backscatter_db", "snippet_db": "written_snippet_db",
+            "column_level_db": "column_recorded_db"}
 _PING, _BEAM, _SECTOR = ("ping",), ("ping", "beam"), ("ping", "transmission")
 
 VARIABLES = RecordTable([
@@ -160,6 +163,16 @@ def check(soundings: xr.Dataset, what: str = "the soundings") -> None:
         If a needed variable is missing, or if a variable has wrong dimensions or holds no numbers.
     """
     VARIABLES.check(soundings, what, "mitsonar.soundings")
+
+
+def as_written(soundings: xr.Dataset) -> xr.Dataset:
+    """Return a line with the strengths, snippets and water column that its instrument writes, under their usual names.
+
+    Where a line has no written ones, as a recorded line, it is returned as it is.
+    """
+    found = {name: written for name, written in _WRITTEN.items() if written in soundings.variables}
+    return soundings.drop_vars([name for name in found if name in soundings.variables]).rename(
+        {written: name for name, written in found.items()})
 
 
 def joined(blocks: Iterable[xr.Dataset]) -> xr.Dataset:

@@ -325,7 +325,7 @@ def _common(options: Options, progress: Progress) -> dict[str, Any]:
 def _profile(inputs: Sequence[str], options: Options, progress: Progress) -> Solved:
     """Fit a sound-speed profile to lines of soundings; no cast is written if they do not determine it."""
     if not inputs:
-        raise ValueError("fit profile takes one line of soundings or more: .nc, .gsf, .kmall, .all, .s7k or .xtf")
+        raise ValueError("fit profile takes one line of soundings or more: .nc, .gsf, .kmall, .all, .s7k, .xtf or .hsx")
     from mitsonar.io import casts
 
     from .profile.profile import fit_lines

@@ -29,7 +29,8 @@ def read(path: FilePath) -> SonarImage | SonarSignals | dict | list | np.ndarray
     ----------
     path : str or path
         An EXR, a netCDF file, a Zarr folder, JSON or lines of JSON (annotations, splits, manifests) or PNG (masks); a
-        survey line (.all, .wcd, .kmall, .kmwcd, .gsf, .s7k, .xtf), of which `io.survey_lines.reading` also reads parts;
+        survey line (.all, .wcd, .kmall, .kmwcd, .gsf, .s7k, .xtf, .hsx), of which `io.survey_lines.reading` also reads
+        parts;
         a recorded sidescan (.xtf, .jsf, .sdf), of which `io.sidescan_lines` also reads parts;
         an echo sounder's .raw file, of which `io.echo_sounder_lines` also reads other channels and parts.
 
@@ -62,7 +63,7 @@ def read(path: FilePath) -> SonarImage | SonarSignals | dict | list | np.ndarray
         return _json(path)
     if (line := recorded(path)) is not None:
         return line
-    raise ValueError(f"cannot read {path}: it is no EXR, netCDF, JSON, PNG, survey line or sidescan; give a file that "
+    raise ValueError(f"cannot read {path}: it is no EXR, netCDF, JSON, PNG or survey line; give a file that "
                      "mitsonar wrote, or a line of a sounder or a sidescan.")
 
 

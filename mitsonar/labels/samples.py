@@ -59,6 +59,9 @@ def write_sample(record: xr.Dataset, stream: IO[bytes], key: str, rules: SampleR
         for tile in labelled(record, key, rules.labels)[1]:
             if rules.labels.drop_empty and not tile.pieces:
                 continue
+            if lacking := {piece.class_name for piece in tile.pieces} - set(rules.labels.classes or ()):
+                raise ValueError(f"{key} has objects of the class {', '.join(sorted(lacking))}, which the classes "
+                                 "given lack; give all classes.")
             name = f"{key}_{tile.ending}" if tile.ending else key
             count += 1
             for ending, content in _members(record, tile, name, rules, numbers, about):

@@ -1,6 +1,6 @@
 """Scene after a recorded line: its track, its water, its sonar settings, and a bed of its soundings.
 
-    line.all  ->  scene.xml, scene_track.csv, scene_cast.csv, scene_bed.tif, scene_backscatter.csv
+    line.all  ->  scene.xml, scene_track.csv, scene_cast.csv, scene_bed.tif, scene_backscatter.csv, scene_pattern.csv
 
 Of several casts, each is a file, scene_cast_2.csv and so on, and scene_casts.csv is their list: a ping has the latest
 one, as the sounder had.
@@ -9,8 +9,9 @@ The bed is the mean depth of the soundings in a cell, interpolated over empty ce
 of the swath as far as a beam may reach. The track is the recorded motion, smoothed by least-squares splines with a knot
 every half second (`survey_lines.motion.smoothed`), with the dates of the line. The water takes the head's sound speed
 as a node if the line's soundings were made so (`instrument_rules`). The bed's backscatter is the line's, by grazing
-angle; recorded levels are seldom calibrated, so only its shape is reliable. Settings that the file lacks, such as beam
-widths, are those of the preset with the nearest frequencies.
+angle; recorded levels are seldom calibrated, so only its shape is reliable. Where strengths of a sector or a side
+differ from that curve by a decibel or more, the differences are the pattern with which the sonar writes strengths.
+Settings that the file lacks, such as beam widths, are those of the preset with the nearest frequencies.
 """
 from __future__ import annotations
 
@@ -40,7 +41,8 @@ MOST_CELLS = 4_000_000
 WIDE, NARROW = 1.25, 0.5                               # [degrees] about a grazing angle of the strength table
 ANGLES = ([(angle, (WIDE,)) for angle in np.arange(10.0, 79.0, 2.5)]          # with their widths; near nadir strengths
           + [(angle, (NARROW, WIDE)) for angle in np.arange(80.0, 90.1)])     # may change by 3 dB a degree
-SLOPED = 0.1                                           # of the depth: width over which the bed's slope is measured
+ALIKE = 9                                              # soundings over which a bed's slope is taken
+PATTERN_STEP, LEAST_PATTERN = 5.0, 1.0                  # [degrees], [dB]: the largest difference of a pattern worth it
 FEWEST = 10                                            # soundings per strength
 LOUDEST_DB, QUIETEST_DB = -4.0, -70.0                  # limits of a bed strength
 BEYOND = 0.25                                          # share of the depth by which the bed exceeds the soundings
@@ -65,13 +67,17 @@ def like(line: FilePath, scene: FilePath, *, cell: float | None = None,     # [m
     soundings = reading.read(line, pings=pings, water_column=False)
     _check(soundings, line)
     settings = settings_of(soundings, classes("multibeam"))
-    rules, strengths = rules_of(soundings), _strengths(soundings.isel(ping=list(settings.chosen)))
+    rules, of_mode = rules_of(soundings), soundings.isel(ping=settings.chosen)
+    strengths = _strengths(of_mode)
+    pattern = None if strengths is None else _pattern(of_mode, settings, *strengths)
     track, smoothing = _track(soundings, settings.ping_rate)
     words = (*settings.words, *(text for text in (str(soundings.attrs.get("left_out", "")), smoothing) if text),
              *rules.words, NOT_TAKEN)
     names = {"track": f"{stem}_track.csv", "cast": f"{stem}_cast.csv", "bed": f"{stem}_bed.tif"}
     if strengths is not None:
         names["backscatter"] = f"{stem}_backscatter.csv"
+    if pattern is not None:
+        names["pattern"] = f"{stem}_pattern.csv"
     several = _several_casts(line)
     if several:
         names |= {f"cast_{k}": f"{stem}_cast_{k}.csv" for k in range(2, len(several) + 1)}
@@ -87,6 +93,8 @@ def like(line: FilePath, scene: FilePath, *, cell: float | None = None,     # [m
             for kind, one in zip(kinds, several))
     if strengths is not None:
         texts["backscatter"] = _table("grazing angle,strength", *strengths)
+    if pattern is not None:
+        texts["pattern"] = _table("sector,angle,level", *pattern.T)
     with replacing_all((scene, *names.values())) as (scene_file, *rest):
         parts = dict(zip(names, rest))
         for name, text in texts.items():
@@ -197,37 +205,59 @@ def _strengths(soundings: xr.Dataset) -> tuple[np.ndarray, np.ndarray] | None:
     """
     if "backscatter_db" not in soundings:
         return None
-    level = soundings["backscatter_db"].values
-    incidence = np.arctan2(soundings["across_track"].values,
-                           soundings["depth"].values - soundings["ping_depth"].values[:, None])
-    grazing = 90.0 - np.abs(deg_from_radians(incidence + np.arctan(_slopes(soundings))))
+    level, grazing = soundings["backscatter_db"].values, _grazing(soundings)
     usable = np.isfinite(level) & np.isfinite(grazing)
-    rows = [(angle, db_from_power(float(np.mean(power_from_db(level[near]))))) for angle, widths in ANGLES if (near := next((
-        within for width in widths if (within := usable & (np.abs(grazing - angle) <= width)).sum() >= FEWEST), None)
-        ) is not None]
+    rows = []
+    for angle, widths in ANGLES:
+        near = (usable & (np.abs(grazing - angle) <= width) for width in widths)
+        if (some := next((part for part in near if part.sum() >= FEWEST), None)) is not None:
+            rows.append((angle, db_from_power(float(np.mean(power_from_db(level[some]))))))
     if len(rows) < 3:
         return None
     angles, strengths = np.array(rows).T
     return angles, np.clip(strengths, QUIETEST_DB, LOUDEST_DB)
 
 
-def _slopes(soundings: xr.Dataset) -> np.ndarray:
-    """Return the slope of the bed across the track (ping, beam), down to starboard, smoothed; 0 where it is unknown."""
-    slopes = np.zeros(soundings["depth"].shape)
-    across, depth = soundings["across_track"].values, soundings["depth"].values
-    for ping, valid in enumerate(soundings["valid"].values & np.isfinite(across) & np.isfinite(depth)):
-        if valid.sum() < FEWEST:
-            continue
-        order = np.argsort(across[ping, valid])
-        at, below = across[ping, valid][order], depth[ping, valid][order]
-        half = SLOPED * np.median(below)
-        edges = np.linspace(at[0], at[-1], 2 + int(np.ptp(at) / half))
-        middle, count = np.histogram(at, edges, weights=at)[0], np.histogram(at, edges)[0]
-        mean, known = np.histogram(at, edges, weights=below)[0], count > 0
-        if known.sum() > 1:
-            x, z = middle[known] / count[known], mean[known] / count[known]
-            slopes[ping, valid] = np.interp(across[ping, valid], x, np.gradient(z, x))
-    return slopes
+def _vertical(soundings: xr.Dataset) -> np.ndarray:
+    """Return the angles of soundings from the vertical [degrees], positive to starboard."""
+    return deg_from_radians(np.arctan2(soundings["across_track"].values,
+                                       soundings["depth"].values - soundings["ping_depth"].values[:, None]))
+
+
+def _grazing(soundings: xr.Dataset) -> np.ndarray:
+    """Return the grazing angles [degrees] on the bed as it slopes across the track, over `ALIKE` soundings."""
+    from scipy.ndimage import uniform_filter1d
+
+    found = 90.0 - np.abs(_vertical(soundings))
+    valid = soundings["valid"].values
+    for ping in np.flatnonzero(valid.sum(1) >= ALIKE):
+        there = np.flatnonzero(valid[ping])
+        there = there[np.argsort(soundings["across_track"].values[ping, there], kind="stable")]
+        across, depth = (uniform_filter1d(soundings[name].values[ping, there], ALIKE, mode="nearest")
+                         for name in ("across_track", "depth"))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            slope = np.nan_to_num(np.gradient(depth) / np.gradient(across), posinf=0.0, neginf=0.0)
+        found[ping, there] = 90.0 - np.abs(_vertical(soundings.isel(ping=[ping]))[0, there]
+                                           + deg_from_radians(np.arctan(slope)))
+    return found
+
+
+def _pattern(soundings: xr.Dataset, settings: Settings, angles: np.ndarray,
+             strengths: np.ndarray) -> np.ndarray | None:
+    """Return rows (N, 3): sector, angle [degrees], strengths less those of the bed's curve [dB]; None if all are small.
+
+    A second swath has the sectors of the first one.
+    """
+    level, vertical, sector = soundings["backscatter_db"].values, _vertical(soundings), soundings["sector"].values
+    rest = level - np.interp(_grazing(soundings), angles, strengths)
+    usable = np.isfinite(rest) & soundings["valid"].values
+    rows = [(k, middle, db_from_power(np.mean(power_from_db(rest[near]))))
+            for k, number in enumerate(settings.sectors) for middle in np.arange(-87.5, 90.0, PATTERN_STEP)
+            if (near := usable & (sector == number) & (np.abs(vertical - middle) <= PATTERN_STEP / 2)).sum() >= FEWEST]
+    if not rows or np.abs(np.array(rows)[:, 2]).max() < LEAST_PATTERN:
+        return None
+    pattern = np.array(rows)
+    return np.concatenate([pattern + (swath * len(settings.sectors), 0, 0) for swath in range(settings.swaths)])
 
 
 def _scene(soundings: xr.Dataset, settings: Settings, files: dict[str, str], line: str, notes: Sequence[str],
@@ -243,7 +273,10 @@ def _scene(soundings: xr.Dataset, settings: Settings, files: dict[str, str], lin
     defaults = [*inputs, ("pings", settings.pings), ("range", f"{reach:.5g}"), ("preset", settings.preset)]
     sensor = [_element("string", "preset", "$preset"), *(_element(*row) for row in settings.rows),
               _element("string", "track", "$track"), _element("integer", "pings", "$pings"),
-              _element("float", "ping_rate_hz", f"{settings.ping_rate:.6g}")]
+              _element("float", "ping_rate_hz", f"{settings.ping_rate:.6g}"),
+              _element("boolean", "recorded_column", "true")]
+    if "pattern" in files:
+        sensor.append(_element("string", "written_pattern", "$pattern"))
     water = [_element("string", "cast", "$cast")]
     if "casts" in files:
         water = [_element("string", "casts", "$casts"), _element("string", "casts_by", "time"),

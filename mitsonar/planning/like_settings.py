@@ -28,7 +28,9 @@ class Settings:
     ping_rate: float  # [Hz]
     rows: tuple[tuple[str, str, str], ...]  # tag, name and value of XML elements
     head_depth: float  # [m]: mean depth of the transmit array
-    chosen: tuple[int, ...]  # pings of the mode that the scene takes
+    chosen: np.ndarray  # (P,): numbers of the line's pings of this mode
+    sectors: tuple[int, ...]  # the line's numbers of the scene's sectors, from port to starboard
+    swaths: int
     words: tuple[str, ...] = ()  # clauses on the differences between line and scene
 
 
@@ -39,9 +41,9 @@ def settings_of(soundings: xr.Dataset, presets: Mapping[str, Mapping[str, Any]])
     """
     modes = Counter(_mode(soundings, ping) for ping in np.flatnonzero(soundings["valid"].values.any(1)))
     mode = modes.most_common(1)[0][0] if modes else ()
-    numbers = tuple(ping for ping in range(soundings.sizes["ping"])
-                    if soundings["valid"].values[ping].any() and _mode(soundings, ping) == mode)
-    chosen = soundings.isel(ping=list(numbers))
+    numbers = [ping for ping in range(soundings.sizes["ping"])
+               if soundings["valid"].values[ping].any() and _mode(soundings, ping) == mode]
+    chosen = soundings.isel(ping=numbers)
     usual = None if mode else _usual(soundings)
     preset = _nearest(mode if usual is None else (usual,), presets)
     offset, heads = soundings["transmit_offset"].values, "head" in soundings
@@ -73,7 +75,8 @@ def settings_of(soundings: xr.Dataset, presets: Mapping[str, Mapping[str, Any]])
         rows.append(("float", "swath_step_deg", f"{2 * deg_from_radians(float(np.std(along))):.4g}"))
     rate = (sent.size - 1) / max(sent[-1] - sent[0], 1e-3) if sent.size > 1 else 1.0
     return Settings(preset=preset, pings=sent.size, ping_rate=float(rate), rows=tuple(rows), head_depth=depth,
-                    chosen=numbers, words=(*_words_on(modes, swaths, mountings), *_words_on_frequency(usual, preset)))
+                    chosen=np.array(numbers, int), sectors=tuple(_order(chosen, vertical)), swaths=swaths,
+                    words=(*_words_on(modes, swaths, mountings), *_words_on_frequency(usual, preset)))
 
 
 def _usual(soundings):
@@ -154,11 +157,16 @@ def _spacing(vertical):
     return "distance" if unevenness(np.tan(vertical)) < unevenness(vertical) else "angle"
 
 
-def _sectors(pings, vertical, swath):
-    """Yield the rows of lists with an entry per sector used, from port to starboard."""
+def _order(pings, vertical):
+    """Return the numbers of sectors with soundings from port to starboard."""
     number = np.where(pings["valid"].values, pings["sector"].values, -1)
     middles = {int(sector): np.nanmedian(vertical[number == sector]) for sector in np.unique(number[number >= 0])}
-    order = sorted(middles, key=lambda sector: middles[sector])
+    return sorted(middles, key=lambda sector: middles[sector])
+
+
+def _sectors(pings, vertical, swath):
+    """Yield the rows of lists with an entry per sector used, from port to starboard."""
+    number, order = np.where(pings["valid"].values, pings["sector"].values, -1), _order(pings, vertical)
     edges = [0.5 * (_end(vertical, number == left, np.max) + _end(vertical, number == right, np.min))
              for left, right in zip(order, order[1:])]
     edges = np.clip(deg_from_radians(np.array(edges)), -swath / 2, swath / 2)

@@ -19,6 +19,7 @@ import numpy as np
 
 from mitsonar.device.earth import Frame
 from mitsonar.device.files import FilePath, checked_suffix, replacing
+from mitsonar.io.scene_files.portable import beside
 from mitsonar.sonar.preset_tables import presets
 from mitsonar.units import KNOT
 
@@ -106,7 +107,7 @@ def _scene(plan: SurveyPlan, frame: Frame, files: BedFile, folder: str) -> Eleme
                             ("spacing", max(plan.bed.step))):
             _add(bed, "float", name, f"{value:.3f}")
     else:
-        _add(bed, "string", "filename", _relative(files.bathymetry, folder))
+        _add(bed, "string", "filename", beside(files.bathymetry, folder))
         _add(bed, "string", "vertical", files.vertical)
         if files.crs is not None:
             _add(bed, "string", "crs", files.crs)
@@ -132,7 +133,7 @@ def _sensor(root: ElementTree.Element, plan: SurveyPlan, files: BedFile, folder:
         _add(sensor, "float", "ping_rate_hz", sonar.rate)
     water = ElementTree.SubElement(sensor, "medium", {"type": "seawater", "id": "water"})
     if files.cast is not None:
-        _add(water, "string", "cast", _relative(files.cast, folder))
+        _add(water, "string", "cast", beside(files.cast, folder))
     else:
         _add(water, "float", "sound_speed", 1500)
     film = ElementTree.SubElement(sensor, "film", {"type": "sonar_film"})
@@ -168,11 +169,6 @@ def _known(plan: SurveyPlan, places: np.ndarray) -> np.ndarray:
 
 def _points(places: np.ndarray) -> str:
     return ", ".join(f"{x:.3f} {y:.3f}" for x, y in places)
-
-
-def _relative(file: str, folder: str) -> str:
-    """Return the path of a file relative to the scene's folder, so that both may move together."""
-    return os.path.relpath(os.path.abspath(file), folder)
 
 
 def _add(parent: ElementTree.Element, tag: str, name: str, value: object) -> None:

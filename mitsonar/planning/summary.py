@@ -50,9 +50,10 @@ crossing  {number} of the lines, {length_m:distance}: {percent_of_lines:.1f} % o
 _ALONG = """\
 along     pings at most {spacing:.2g} m apart"""
 _FOOTPRINT = """\
-, and beams straight below cover {footprint:.2g} m: no gaps up to {knots:.3g} knots"""
+; beams straight below cover {footprint:.2g} m: no gaps up to {knots:.3g} knots"""
 _FEATURE = """\
-; {hits:.2g} pings or more on a feature of {feature:.2g} m, {least} up to {feature_knots:.3g} knots"""
+
+features  {hits:.2g} pings or more on a feature of {feature:.2g} m, {least} up to {feature_knots:.3g} knots"""
 _UNCERTAINTY = """\
 uncertainty of all causes together (95 %), compared with S-44 order {}"""
 _BUDGET = """\

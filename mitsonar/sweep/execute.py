@@ -230,6 +230,7 @@ def job(plan: Plan, render: Render, folder: str | None, made_by: Mapping[str, st
     return {"scene": plan.scene, "parameters": texts(render), "seed": render.seed, "versions": made_by,
             "folder": folder or os.path.dirname(plan.path), "output": render.output if folder else None,
             "preview": preview(render.output) if plan.previews and folder else None, "soundings": plan.soundings,
+            "labels": None if plan.labels is None else [plan.labels, plan.classes],
             "trial": False}
 
 
@@ -243,6 +244,20 @@ def check_loading(pool: Local | Cluster, plan: Plan, missing: Sequence[int], mad
             return
         errors.append(answer["error"])
     raise ValueError(f"no render of {os.path.basename(plan.path)} was started: {errors[0]}")
+
+
+def only(plan: Plan, index: int, output: FilePath, *, threads: int | None = None) -> None:
+    """Write the image of one render of a plan as an EXR; raises `ValueError` if it fails."""
+    folder, name = os.path.split(os.path.abspath(output))
+    processes, threads = shares(1, threads)
+    with Local(processes, threads, os.path.dirname(plan.path)) as pool:
+        for again in range(1 + (MOST_REDRAWN if plan.redraw else 0)):
+            given = job(plan, plan.render(index, again), folder, versions())
+            answer = _answer(pool.submit({**given, "output": name, "preview": None, "soundings": None, "labels": None}))
+            if not answer.get("refused"):
+                break
+    if answer.get("error"):
+        raise ValueError(f"render {index} fails: {answer['error']}")
 
 
 class _Runner:

@@ -4,8 +4,7 @@ import re
 import string
 from collections.abc import Iterable, Mapping
 
-from mitsonar.io.survey_lines import SUFFIXES
-
+from .products import SUFFIXES
 from .values import shortened
 
 SPEC = re.compile(r"0?\d{0,2}(\.\d{1,2})?[defg]?")           # excludes huge widths
@@ -35,9 +34,9 @@ class Pattern:
                                  "04, .1f or g")
         names = text.split("/")
         self.suffix = os.path.splitext(text)[1].lower()
-        if self.suffix not in (".exr", *SUFFIXES) or text.startswith("/") or not all(names):
-            raise ValueError(f"output is {shortened(text)}; give names that end in .exr, or for soundings in "
-                             f"{', '.join(SUFFIXES)}, inside the sweep's folder")
+        if self.suffix not in SUFFIXES or text.startswith("/") or not all(names):
+            raise ValueError(f"output is {shortened(text)}; give names that end in .exr, for samples in .tar, or for "
+                             f"soundings in {', '.join(SUFFIXES[2:])}, inside the sweep's folder")
         if any(name.startswith(".") for name in names):
             raise ValueError(f"output is {shortened(text)}; give names that do not begin with a dot")
         self.text, self.paths = text, frozenset(paths)

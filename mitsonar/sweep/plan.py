@@ -21,14 +21,14 @@ from mitsonar.io.scene_files import scenes, tables
 from .inputs import Inputs
 from .manifest import sha256
 from .names import Pattern
-from .products import options_digest, soundings_of
+from .products import labels_of, options_digest, soundings_of
 from .values import Draw, axis, draw, random_bits, shortened, value, whole
 
 MOST_RENDERS = 1_000_000
 LARGEST_PLAN, LARGEST_TABLE = 10_000_000, 200_000_000           # bytes
 MOST_SEEDS = 1 << 32                                            # limit of `mitsonar.render`
 KEYS = ("scene", "output", "seed", "seeds", "samples", "previews", "redraw", "classes", "table", "set", "list", "grid",
-        "draw", "soundings")
+        "draw", "soundings", "labels")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,6 +92,8 @@ class Plan:
         SHA-256 of plan and table: one stamp, the same renders.
     soundings : dict or None
         Options of `mitsonar.soundings` and of its file, if renders are lines of soundings; None for pictures.
+    labels : dict or None
+        Rules of labels, if renders are samples; None for others.
     """
 
     path: str
@@ -112,6 +114,7 @@ class Plan:
     inputs: Inputs = field(repr=False)
     stamp: str = field(repr=False)
     soundings: dict[str, Any] | None = None
+    labels: dict[str, Any] | None = None
 
     def __len__(self):
         return self.samples * self._seeds() * math.prod(self._sizes())
@@ -152,9 +155,10 @@ class Plan:
     def digests(self) -> Callable[[Render], str]:
         """Return `digest` for many renders, of files that do not change in the meantime."""
         digest = self.inputs.digests()
-        if not self.soundings:
+        product = self.soundings or ({**self.labels, "classes": self.classes} if self.labels is not None else {})
+        if not product:
             return lambda render: digest(texts(render))
-        options = options_digest(self.soundings)
+        options = options_digest(product)
         return lambda render: hashlib.sha256(f"{digest(texts(render))} {options}".encode()).hexdigest()
 
     def _seeds(self):
@@ -244,9 +248,12 @@ def _plan(path, place, home, given):
     inputs.check_files(columns)
     pattern = Pattern(given.get("output", "{index:06}.exr"), named, inputs.paths())
     soundings = soundings_of(dict(_section(given, "soundings")), pattern.suffix, place, previews)
+    classes = _names(given, "classes") or None
+    labels = labels_of(dict(_section(given, "labels")), pattern.suffix, previews, classes)
     plan = Plan(path=path, scene=scene, home=home, seed=seed, pattern=pattern, seeds=seeds, soundings=soundings,
+                labels=labels,
                 samples=samples, previews=previews, fixed=fixed, table=table, lists=lists, grid=grid, draws=draws,
-                redraw=_names(given, "redraw"), classes=_names(given, "classes") or None, inputs=inputs,
+                redraw=_names(given, "redraw"), classes=classes, inputs=inputs,
                 stamp=_stamp(path, *([os.path.join(place, given["table"])] if "table" in given else [])))
     _check_redraw(plan)
     if samples > 1 and not draws:

@@ -1,26 +1,39 @@
-"""Product of a sweep's renders: pictures, or lines of soundings with the options of the table ``[soundings]``."""
+"""Product of a sweep's renders, by the suffix of their names.
+
+    .exr            images
+    .tar            samples: labelled pictures, with the rules of the table ``[labels]``
+    .nc, .gsf, ...  lines of soundings, with the options of the table ``[soundings]``
+"""
 import hashlib
 import json
 import os
+from collections.abc import Sequence
+from dataclasses import fields
 from typing import Any
 
 from mitsonar.device.spelling import meant
 from mitsonar.io import casts, survey_lines
 from mitsonar.io.grids.separation import Separation
 from mitsonar.io.tracks import tides
+from mitsonar.labels.rules import Labels
+from mitsonar.labels.samples import SampleRules
 
 from .manifest import sha256
 from .values import number, shortened, whole
 
 MOST_SNIPPETS = 10_000
+IMAGE, SAMPLE = ".exr", ".tar"
+SUFFIXES = (IMAGE, SAMPLE, *survey_lines.SUFFIXES)
 FILES = {"profile": casts.read, "tide": tides.load, "separation": lambda path: Separation(path=path)}
 HEIGHTS = ("tide", "gnss")
+RULES = ("arrays", *(field.name for field in fields(Labels)
+                    if field.name != "classes" and not field.name.startswith("split")))
 OPTIONS = (*FILES, "heights", "column", "snippets", "place", "start")
 
 
 def soundings_of(given: dict[str, Any], suffix: str, folder: str, previews: bool) -> dict[str, Any] | None:
     """Return the checked options of lines of soundings, with absolute paths of files; None for pictures."""
-    if suffix == ".exr":
+    if suffix in (IMAGE, SAMPLE):
         if given:
             raise ValueError("[soundings] is given, but output names pictures; let its names end in "
                              f"{', '.join(survey_lines.SUFFIXES)}, or leave [soundings] out")
@@ -35,6 +48,43 @@ def soundings_of(given: dict[str, Any], suffix: str, folder: str, previews: bool
     place = options.get("place")
     survey_lines.check_asked(None if place is None else (place[0], place[1]), options.get("start"))
     return options
+
+
+def labels_of(given: dict[str, Any], suffix: str, previews: bool,
+              classes: Sequence[str] | None) -> dict[str, Any] | None:
+    """Return the checked rules of samples; None for other products."""
+    if suffix != SAMPLE:
+        if given:
+            raise ValueError("[labels] is given, but output does not name samples; let its names end in .tar, or leave "
+                             "[labels] out")
+        return None
+    if previews:
+        raise ValueError("previews are of images, and samples hold pictures of their own; leave previews out")
+    if not classes:
+        raise ValueError("samples (.tar) number the classes of objects before the first image is made; give classes at "
+                         "the head of the plan")
+    unknown = next((name for name in given if name not in RULES), None)
+    if unknown is not None:
+        raise ValueError(f"labels.{unknown} is unknown{meant(unknown, RULES)}; known: {', '.join(RULES)}")
+    sample_rules(given, classes)
+    return given
+
+
+def sample_rules(given: dict[str, Any], classes: Sequence[str]) -> SampleRules:
+    """Return the rules of samples; raises `ValueError` if a value is wrong."""
+    values = {name: tuple(value) if isinstance(value, list) else value for name, value in given.items()}
+    arrays = values.pop("arrays", ())
+    if not (isinstance(arrays, tuple) and all(isinstance(name, str) for name in arrays)):
+        raise ValueError(f"labels.arrays is {shortened(given['arrays'])}; give a list of variables, such as "
+                         "[\"level\"]")
+    try:
+        return SampleRules(labels=Labels(**{"coco": True, "masks": True, **values}, classes=list(classes)),
+                           arrays=arrays)
+    except ValueError as error:
+        raise ValueError(f"[labels]: {error}") from None
+    except (TypeError, IndexError):
+        raise ValueError(f"[labels] is {shortened(given)}; give numbers, texts and true or false as `mitsonar labels` "
+                         "takes them") from None
 
 
 def _checked(name: str, value: Any, folder: str) -> Any:
@@ -68,7 +118,7 @@ def _checked(name: str, value: Any, folder: str) -> Any:
 
 
 def options_digest(options: dict[str, Any]) -> str:
-    """Return a SHA-256 of the options of soundings, with the content of their files."""
+    """Return a SHA-256 of the options of a product, with the content of their files."""
     held = {name: sha256(value) if name in FILES and isinstance(value, str) else value
             for name, value in options.items()}
     return hashlib.sha256(json.dumps(held, sort_keys=True).encode()).hexdigest()

@@ -100,7 +100,16 @@ def _do(job, threads):
         made = sounding_jobs.line(job, scene, path)
         return made if job["trial"] else {**made, **_content(path)}
     dataset = render(scene, seed=job["seed"])
-    exr.write(dataset, path)
+    if job["labels"] is not None:
+        from mitsonar.device.files import replacing
+        from mitsonar.labels.samples import write_sample
+
+        from .products import sample_rules
+
+        with replacing(path) as temporary, open(temporary, "wb") as stream:
+            write_sample(dataset, stream, os.path.splitext(job["output"])[0], sample_rules(*job["labels"]))
+    else:
+        exr.write(dataset, path)
     if job["preview"] is not None:
         from mitsonar import plots
 

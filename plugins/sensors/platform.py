@@ -67,8 +67,11 @@ ROUTE = Group(title="Track and motion", module="sensors.platform", attributes=(
            text="depth of a vessel's reference point below the waterline: as `depth`, but it also replaces the z of a "
                 "`track`, whose heave stays; `offset` leads from there to the array"),
     File("track", default=None,
-         text="CSV or XTF file, resampled to the ping rate; not with `start`, `heading_deg`, `speed_knots`; a CSV "
-              "file without `time` holds way points"),
+         text="CSV, XTF, SBET or POS MV file, resampled to the ping rate; not with `start`, `heading_deg`, "
+              "`speed_knots`; a CSV file without `time` holds way points"),
+    Text("track_date", default="",
+         text="any date of the week of a `track` that counts seconds of a week, as SBET does; without it, times have "
+              "no date"),
     Text("waypoints", default="",
          text='way points such as "0 0, 80 0, 80 60" [m] or "37.75N 122.38W, 37.76N 122.38W"; a third number is z '
               '(up); the heading follows the course'),
@@ -125,7 +128,7 @@ def read_route(attributes: Attributes) -> Route:
     """Return the route of a sonar."""
     path, text, origin = attributes.track, attributes.waypoints.strip(), attributes.origin
     try:
-        record = (tracks.load(path, attributes.line) if path is not None else
+        record = (tracks.load(path, attributes.line, attributes.track_date or None) if path is not None else
                   tracks.waypoints(_of_line(text, attributes.line)) if text else None)
     except ValueError as error:
         raise attributes.error(error) from None

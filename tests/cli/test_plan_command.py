@@ -119,6 +119,21 @@ def test_a_sweep_has_every_line_of_the_scene_and_a_line_sails_from_its_start_to_
         mitsonar.load_file("lines.xml", line=len(lines) + 1)
 
 
+def test_cross_lines_are_of_their_own_kind_in_all_files_and_a_fast_ship_is_warned(folder, capsys):
+    found = planned(capsys, *LEVEL, "--crs", "EPSG:32632", "--cross", 2, "-o", "a.csv", "-o", "a.geojson", "-o",
+                    "a.gpx", "--json", "a.json", "--beam-width", 0.5, "--rate", 2, "--speed", 10, "--order", "special")
+    rows = [row.split(",") for row in (folder / "a.csv").read_text().splitlines()]
+    kinds = {row[0]: row[-1] for row in rows[1:]}
+    numbers = json.loads((folder / "a.json").read_text())
+    assert rows[0][-1] == "kind" and {line["kind"] for line in numbers["lines"]} == {"main", "cross"}
+    assert kinds == {str(line["line"]): line["kind"] for line in numbers["lines"]}
+    features = json.loads((folder / "a.geojson").read_text())["features"]
+    assert [one["properties"]["kind"] for one in features] == list(kinds.values())
+    assert (folder / "a.gpx").read_text().count("cross line") == numbers["cross_lines"]["number"] > 0
+    assert "pings leave gaps along the track straight below; sail at" in found.err
+    assert "fewer than 3 pings meet a feature of 1 m, the least that order special asks for" in found.err
+
+
 def test_doubts_are_said(folder, capsys):
     places = [(x, y) for x in range(0, 401, 10) for y in range(0, 301, 10) if not (200 < x < 300 and 100 < y < 200)]
     (folder / "slope.txt").write_text("".join(f"{x} {y} {-x / 10}\n" for x, y in places))

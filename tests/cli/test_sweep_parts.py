@@ -140,3 +140,31 @@ def test_a_script_runs_every_part_of_a_plan(kind, last):
 def test_a_script_of_more_parts_than_renders_is_refused():
     with pytest.raises(ValueError, match="give 1 to 5 parts"):
         part_script("slurm", "plan.toml", "out", parts=6, renders=5, seconds=None)
+
+
+@pytest.mark.slow
+def test_samples_hold_no_exr_and_any_exr_is_made_again(plan, capfd):
+    pytest.importorskip("pyarrow")
+    (plan / "plan.toml").write_text(PLAN + '[labels]\nmasks = true\narrays = ["level"]\n', encoding="utf-8")
+    assert run("-o", "set") == 2
+    assert "let its names end in .tar" in capfd.readouterr().err
+    text = 'output = "{index:06}.tar"\nclasses = ["box"]\n' + PLAN + '[labels]\nmasks = true\narrays = ["level"]\n'
+    (plan / "plan.toml").write_text(text, encoding="utf-8")
+    assert run("-o", "set") == 0
+    assert not list((plan / "set").glob("*.exr")) and len(list((plan / "set").glob("*.tar"))) == 5
+    (plan / "exr.toml").write_text(PLAN, encoding="utf-8")
+    assert cli.main(["sweep", "exr.toml", "-o", "one", "--processes", "1"]) == 0
+    assert cli.main(["sweep", "plan.toml", "--only", "3", "-o", "again.exr"]) == 0
+    assert (plan / "again.exr").read_bytes() == (plan / "one" / "000003.exr").read_bytes()
+    capfd.readouterr()
+    assert cli.main(["shards", "set", "-o", "shards", "--size", "1", "--title", "Boxes"]) == 0
+    out, err = capfd.readouterr()
+    assert out == "shards\n" and err == "5 records in 1 shard\n"
+    assert {path.name for path in (plan / "shards").iterdir()} >= {"train-00000.tar", "README.md", "index.parquet",
+                                                                   "croissant.json"}
+    (plan / "plan.toml").write_text(text + "threshold = 0.4\n", encoding="utf-8")       # another rule, other samples
+    assert run("-o", "set") == 0
+    assert "5 rendered" in capfd.readouterr().out
+    (plan / "plan.toml").write_text(text + "colour = true\n", encoding="utf-8")
+    assert run("-o", "set") == 2
+    assert "labels.colour is unknown" in capfd.readouterr().err

@@ -157,3 +157,24 @@ def test_what_is_no_sbet_is_refused(tmp_path):
         path.write_bytes(content)
         with pytest.raises(ValueError, match="cannot read the accuracy"):
             sbet.accuracy(path)
+
+
+def test_an_sbet_is_a_track_of_scenes(tmp_path, variant):
+    """Its heave is there, about the draft; a date makes its times dates."""
+    from sonar_scenes import bed, multibeam
+
+    path, week = sbet_file(tmp_path / "a.sbet"), gps_time.week_of(gps_time.instant("2026-05-01", "day"))
+    for date, begin in (("", TIME[0]), ("2026-05-01", week + TIME[0])):
+        scene = multibeam({"bed": bed(18.0, size=120.0)}, film={"range": 40.0}, sensor={
+            "start": None, "track": str(path), "track_date": date, "draft": 2.0, "ping_rate_hz": 4.0, "pings": 12})
+        survey = scene.integrator().survey(scene, scene.sensors()[0])
+        track = survey.voyage.track
+        assert track.time[0] == pytest.approx(begin)
+        np.testing.assert_allclose(track.position[:, 2], -2.0, atol=0.6)
+        assert np.ptp(track.position[:, 2]) > 0.3
+
+
+def test_a_date_for_a_track_that_has_its_own_is_refused(tmp_path):
+    (tmp_path / "a.csv").write_text("time,x,y,z\n0,0,0,-1\n1,1,1,-1\n")
+    with pytest.raises(ValueError, match="is no SBET and names its own dates"):
+        tracks.load(tmp_path / "a.csv", "2026-05-01")

@@ -42,6 +42,27 @@ def test_a_scene_has_the_line_s_sectors_depths_and_track(tmp_path):
     assert abs(float(simulated["motion_time"][0])) < 60
 
 
+def test_steps_between_sectors_are_the_pattern_with_which_the_twin_writes_strengths(tmp_path):
+    """Steps of -2, 0 and 3 dB on a curve by angle alone come back by sector, and the bed's curve is even in the angle:
+    medians of 36 soundings with a spread of 1 dB, 0.2 dB, and a step's own side of the curve.
+    """
+    line = soundings_line(pings=8, beams=120, slope=0.0, column=False, snippets=False)
+    steps = np.array([-2.0, 0.0, 3.0])[line["sector"].values]
+    write(line.assign(backscatter_db=line["backscatter_db"] + steps.astype(np.float32)), tmp_path / "line.kmall")
+    paths = like(tmp_path / "line.kmall", tmp_path / "scene.xml")
+    pattern = next(path for path in paths if path.endswith("_pattern.csv"))
+    sector, angle, level = np.loadtxt(pattern, delimiter=",", skiprows=1).T
+    outer = np.abs(angle) > 30
+    np.testing.assert_allclose(np.mean(level[outer & (sector == 2)]) - np.mean(level[outer & (sector == 0)]), 5.0,
+                               rtol=0, atol=0.5)
+    assert "pattern" in (tmp_path / "scene.xml").read_text()
+    twin = mitsonar.soundings(mitsonar.load_file(tmp_path / "scene.xml", pings=2))
+    valid, added = twin["valid"].values, twin["written_error_db"].values
+    far = valid & (np.abs(np.rad2deg(twin["angle"].values)) > 35)
+    port, starboard = (np.median(added[far & (side * twin["angle"].values > 0)]) for side in (-1, 1))
+    assert starboard - port == pytest.approx(5.0, abs=0.7)
+
+
 @pytest.mark.skipif(not MEASURED.is_dir(), reason="the shared survey lines are not here")
 @pytest.mark.parametrize("name, beams, swaths", [("em710_122m.all", 400, 1), ("em2040_56m.all", 798, 2),
                                                  ("em2042_os01.kmall", 379, 1)])

@@ -8,6 +8,7 @@ import pytest
 import mitsonar
 from mitsonar.io.survey_lines import reading
 from tests.inputs.all_file import all_file, wcd_file
+from tests.inputs.hsx_file import hsx_file
 from tests.inputs.s7k_file import s7k_file, unsummed
 from tests.inputs.soundings_line import soundings_line
 from tests.inputs.xtf_lines import xtf_file
@@ -41,6 +42,8 @@ def sources(name):
         return np.frombuffer(all_file(3), np.uint8), {}
     if name.endswith(".s7k"):
         return np.frombuffer(s7k_file(3) if name == "line.s7k" else unsummed(s7k_file(3)), np.uint8), {}
+    if name.endswith(".hsx"):
+        return np.frombuffer(hsx_file(3, shape=name[0]), np.uint8), {}
     if name.endswith(".xtf"):
         return np.frombuffer(xtf_file(3, kind=name[:-4]), np.uint8), {}
     if name == "line.wcd":
@@ -51,8 +54,8 @@ def sources(name):
     return np.fromfile(MEASURED / name, np.uint8), beside
 
 
-@pytest.mark.parametrize("name", ["line.all", "line.wcd", "line.s7k", "unsummed.s7k", "65.xtf", "7027.xtf", "7006.xtf",
-                                  *REAL])
+@pytest.mark.parametrize("name", ["line.all", "line.wcd", "line.s7k", "unsummed.s7k", "65.xtf",
+                                  "7027.xtf", "7006.xtf", "2.hsx", "3.hsx", *REAL])
 def test_a_damaged_line_is_read_or_refused_in_one_sentence(tmp_path, name):
     raw, beside = sources(name)
     for other, content in beside.items():
@@ -73,7 +76,7 @@ def test_a_damaged_line_is_read_or_refused_in_one_sentence(tmp_path, name):
 
 @pytest.mark.parametrize("name, content, sentence", [
     ("a.all", b"", "it is empty"),
-    ("a.kmall", b"#IIP", "it is another file, not a line of soundings; give an .all, .kmall, .gsf, .s7k or .xtf file"),
+    ("a.kmall", b"#IIP", "it is another file, not a line of soundings; give an .all, .kmall, .gsf, .s7k, .xtf or .hsx"),
     ("a.exr", b"\x76\x2f\x31\x01\2\0\0\0", "it is an OpenEXR image, not a line of soundings"),
     ("a.gsf", b"\0\0\0\x0c\0\0\0\1GSF-v03.09\0\0", "it has no pings of soundings"),
     ("a.gsf", b"\0\0\0\x0c\0\0\0\1GSF-v03.09\0\0" + b"\0\0\0\x40\0\0\0\2", "it is cut: its last record, at byte 20"),

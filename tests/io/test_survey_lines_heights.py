@@ -221,16 +221,36 @@ def test_parts_of_the_transmit_array_come_back(tmp_path):
     assert "sector_offset" in str(survey_lines.write(other, tmp_path / "b.kmall").words)
 
 
+def test_snippets_come_back_from_kmall(tmp_path):
+    line = soundings_line(pings=3, column=False)
+    survey_lines.write(line, tmp_path / "a.kmall")
+    back = reading.read(tmp_path / "a.kmall")
+    valid = line["valid"].values[:, :back.sizes["beam"]]
+    ours, others = (one["snippet_db"].values[:, :back.sizes["beam"], :9] for one in (back, line))
+    assert np.array_equal(np.isfinite(ours), np.isfinite(others) & valid[..., None])
+    assert np.nanmax(np.abs(ours - others)) < 0.0501                      # steps of 0.1 dB
+    start = np.abs(back["snippet_start"].values - line["snippet_start"].values[:, :back.sizes["beam"]])
+    reaching = np.isfinite(others).sum(-1) >= 5                           # the sounding is 4 samples after the first
+    assert np.nanmax(start[valid & reaching]) < 0.5 / 20e3 and np.allclose(back["snippet_rate"], 20e3)
+    assert "snippet_db" not in reading.read(tmp_path / "a.kmall", water_column=False)
+    # A count beyond the end of the datagram is refused before anything is reserved for it.
+    data = (tmp_path / "a.kmall").read_bytes()
+    counts = data.index(b"#MRZ") - 4 + 24 + 12 + 152 + 3 * 48 + 32 + 118
+    (tmp_path / "b.kmall").write_bytes(data[:counts] + b"\xff\xff" + data[counts + 2:])
+    with pytest.raises(ValueError, match="#MRZ at byte .* is too short"):
+        reading.read(tmp_path / "b.kmall")
+
+
 def test_a_real_line_comes_back_from_kmall(tmp_path):
     theirs = MEASURED / "em2042_os01.kmall"
     if not theirs.exists():
         pytest.skip(f"there is no {theirs}")
-    line = reading.read(theirs, water_column=False)
+    line = reading.read(theirs)
     survey_lines.write(line, tmp_path / "a.kmall")
-    back, kept = reading.read(tmp_path / "a.kmall"), np.isfinite(line["travel_time"]).any("beam").values
+    back, kept = reading.read(tmp_path / "a.kmall"), np.isfinite(line["travel_time"].values).any(axis=1)
     line = line.isel(ping=kept)
-    assert np.isfinite(line["ping_height"]).all()
-    for name in ("travel_time", "depth", "across_track", "backscatter_db", "ping_height", "sector_offset"):
+    assert np.isfinite(line["ping_height"].values).all()
+    for name in ("travel_time", "depth", "across_track", "backscatter_db", "ping_height", "snippet_db"):
         ours, others = (one[name].values[np.isfinite(one[name].values)] for one in (back, line))
         np.testing.assert_allclose(ours, others, atol=1e-6, err_msg=name)
 

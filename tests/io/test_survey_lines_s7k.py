@@ -5,6 +5,7 @@ Water of one speed and a level bed: depth = 40 m, across = 1 m + 38 m tan(angle)
 then too large by less than (1 m)² / (8 · 38 m) · (1 + tan²) = 13 mm at 60 degrees.
 """
 import struct
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -198,3 +199,18 @@ def test_another_reader_reads_what_was_written(tmp_path):
     assert np.isclose(angle, line["angle"][0, 5]) and np.isclose(steering, line["sector_angle"][0, 0])
     latitude, longitude = struct.unpack_from("<2d", next(part for kind, part in found if kind == 1015), 64 + 1)
     assert np.allclose(np.degrees([latitude, longitude]), [53.7, 8.2], atol=0.1)
+
+
+def test_a_longer_file_takes_no_more_memory(tmp_path):
+    """120 pings more, of 64 beams and 20 variables, would take 1.2 MB; their places in the file take 0.2 MB."""
+    def most(pings):
+        (tmp_path / "a.s7k").write_bytes(s7k_file(pings, beams=64))
+        tracemalloc.start()
+        held = sum(block.sizes["ping"] for block in reading.blocks(tmp_path / "a.s7k", size=8))
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return held, peak
+
+    most(8)
+    (few, little), (many, much) = most(40), most(160)
+    assert (few, many) == (40, 160) and much < little + 600_000

@@ -23,7 +23,7 @@ NEEDED = {"published_figure_2": {"rays": 50}, "published_figure_3": {"range": 27
           "sidescan_survey": {"range": 50}, "gallery": {"range": 28}, "multibeam": {**SMALL_SWATH, "range": 60},
           "sidescan_wreck": {"bed_spacing": 0.5, "ripple_wavelength": 2.4, "stone_scour": 0},  # of 2.6 million faces
           "sidescan_targets": {"range": 50, "pings": 12}, "synthetic_aperture": {"range": 32},
-          "interferometric": {"range": 50}, "echo_sounder": {"range": 50}}
+          "interferometric": {"range": 50}, "echo_sounder": {"range": 50}, "patch_test": {"pings": 1, "range": 40}}
 VERSIONS = ("mitsuba", "drjit", "numpy", "scipy", "OpenEXR", "mitsonar")
 
 

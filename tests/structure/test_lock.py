@@ -107,6 +107,7 @@ def test_every_pin_has_hashes():
 
 def test_it_names_its_command_and_no_place_to_fetch_from():
     text = Path(installer.LOCK).read_text(encoding="utf-8")
-    command = "uv pip compile pyproject.toml --extra test --extra ros --extra video --extra view --universal"
+    command = ("uv pip compile pyproject.toml --extra test --extra ros --extra shards --extra video --extra view "
+               "--universal")
     assert command in text.partition("\naffine")[0]
     assert "://" not in text and "--index" not in text and "--find-links" not in text

@@ -24,7 +24,7 @@ STALE = {name for name, one in VARIABLES.items() if name == "true_depth" or name
 
 
 def resounded(soundings: xr.Dataset, profile: SoundSpeedProfile | None = None, head_speed: ArrayLike | None = None,
-              node: bool = True, under_way: bool = True) -> xr.Dataset:
+              node: bool = True, under_way: bool = True, motion: PlatformMotion | None = None) -> xr.Dataset:
     """Reduce a line of soundings again.
 
     Parameters
@@ -39,6 +39,8 @@ def resounded(soundings: xr.Dataset, profile: SoundSpeedProfile | None = None, h
         True if the head's speed is the profile's node at the arrays.
     under_way : bool
         True to include the motion of the platform during reception; some instruments leave it out.
+    motion : PlatformMotion or None
+        Motion of the line, made once for all its blocks. The default is made of the record's samples.
 
     Returns
     -------
@@ -56,7 +58,7 @@ def resounded(soundings: xr.Dataset, profile: SoundSpeedProfile | None = None, h
     lifted = float(soundings["tide"].mean()) if "tide" in soundings else 0.0
     profile = profile_of(soundings) if profile is None else profile.lifted(lifted)
     head = soundings["head_sound_speed"].values if head_speed is None else _speeds(head_speed, soundings)
-    motion, measured = PlatformMotion.of(soundings), measured_of(soundings)
+    motion, measured = motion or PlatformMotion.of(soundings), measured_of(soundings)
     rows = {one.name: np.full(soundings["valid"].shape, np.nan) for one in fields(Located)}
     for number, pings in heads_of(soundings):
         for part, some in parts_of(soundings, pings):

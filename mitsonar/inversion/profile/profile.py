@@ -157,7 +157,7 @@ def fit_lines(paths: Sequence[FilePath], start: SoundSpeedProfile | None = None,
     Parameters
     ----------
     paths : sequence of path
-        Files .nc of mitsonar, .all, .kmall, .gsf, .s7k or .xtf; lines that overlap or cross.
+        Files .nc of mitsonar, .all, .kmall, .gsf, .s7k, .xtf or .hsx; lines that overlap or cross.
     start : SoundSpeedProfile or None
         Prior mean of the water; None: the cast of the first line.
     nodes : int

@@ -129,8 +129,8 @@ def write_files(paths: Sequence[FilePath], path: FilePath, *, start: float | Non
     Parameters
     ----------
     paths : sequence of str or path
-        Images or soundings (.exr, .nc) or recorded lines (.all, .kmall, .gsf, .s7k, .xtf). An EXR is read whole. Topics
-        and frames of one of several files begin with its name.
+        Images or soundings (.exr, .nc) or recorded lines (.all, .kmall, .gsf, .s7k, .xtf, .hsx). An EXR is read whole.
+        Topics and frames of one of several files begin with its name.
     path, start, cell
         As in `write`.
 

@@ -48,7 +48,7 @@ def read_series(path: FilePath, read: Callable[..., Cast]) -> tuple[PlacedCast, 
         series = [one for name in names for one in _of_file(path / name, read)]
     else:
         check_readable(path, "the casts", "a folder, a list or a file of casts")
-        series = _listed(path, read) if _is_list(path) else _of_file(path, read)
+        series = _listed(path, read) if is_list(path) else _of_file(path, read)
     if len(series) > MOST:
         raise ValueError(f"{path} has {len(series)} casts, more than {MOST}; thin them out.")
     _check_neighbours(path, series)
@@ -87,7 +87,7 @@ def _of_line(path: Path) -> list[PlacedCast]:
             for number, one in enumerate(casts)]
 
 
-def _is_list(path: Path) -> bool:
+def is_list(path: Path) -> bool:
     """Return True if the first line of a text file names the column `file`."""
     with open(path, "rb") as stream:
         for line in stream.read(4096).splitlines():

@@ -36,7 +36,7 @@ FM = 1                             # PulseForm
 
 
 @dataclass(kw_only=True)
-class _Line:
+class _SounderFile:
     """What a file holds, as its datagrams are walked."""
 
     pings: list[tuple[Datagram, str, Mapping[str, float]]] = field(default_factory=list)
@@ -109,8 +109,8 @@ def read(path: FilePath, *, channel: str | None = None, frequency: float | None 
         raise ValueError(f"cannot read the echo sounder's file {path}: {error}") from None
 
 
-def _walked(file) -> _Line:
-    line, parameters = _Line(), {}
+def _walked(file) -> _SounderFile:
+    line, parameters = _SounderFile(), {}
     if not recognised(file.read(8)):
         raise ValueError("it does not begin with a configuration (XML0); give a raw file of an EK80.")
     for datagram in datagrams.walk(file):
@@ -219,7 +219,7 @@ def _image(path, file, line, name, wanted):
     level, angles, signal = _arrays(file, wanted, about, pulse, sent)
     time = np.array([ping.time for ping, _ in wanted])
     dims = ("ping", "range")
-    variables = {"level": (dims, level, {"units": "dB re 1 W", "long_name": "received power"})}
+    variables: dict[str, tuple] = {"level": (dims, level, {"units": "dB re 1 W", "long_name": "received power"})}
     for way, words, values in zip(("along", "athwart"), ("ahead", "to starboard"), angles or (), strict=False):
         long_name = f"direction of the echo, {words} of the axis"
         variables[f"angle_{way}"] = (dims, values, {"units": "rad", "long_name": long_name})

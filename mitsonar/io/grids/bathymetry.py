@@ -24,7 +24,7 @@ import numpy.typing as npt
 from mitsonar.device.files import FilePath
 from mitsonar.seabed.roughness import RoughnessSpectrum
 
-from . import raster_files, rasters, survey_relief
+from . import enc, raster_files, rasters, survey_relief
 
 if TYPE_CHECKING:
     from rasterio.windows import Window
@@ -231,9 +231,10 @@ def read(path: FilePath, *, crop: Sequence[float] | None = None, centre: Sequenc
     Parameters
     ----------
     path : path
-        A raster GDAL can open, an ``.npy`` array (Y, X) whose rows run north, or text of lines of x, y and z as
-        `soundings.read` takes it. A BAG of variable resolution is read at its finest resolution, to which the driver
-        interpolates; the driver leaves out the northernmost row of nodes.
+        A raster GDAL can open, an ``.npy`` array (Y, X) whose rows run north, text of lines of x, y and z as
+        `soundings.read` takes it, or an electronic chart (S-57) as `enc.read` takes it. A BAG of variable resolution is
+        read at its finest resolution, to which the driver interpolates; the driver leaves out the northernmost row of
+        nodes.
     crop : 4 floats, optional
         West, south, east and north of the part to read, nodes on its edge included.
     centre, size : 2 floats each, optional
@@ -246,7 +247,7 @@ def read(path: FilePath, *, crop: Sequence[float] | None = None, centre: Sequenc
         soundings their mean distance, which is logged.
     vertical : str
         "elevation" (positive up), "depth" (positive down), or "auto": depth if most numbers are positive or the
-        file is S-102. The result is recorded and logged.
+        file is S-102 or an electronic chart. The result is recorded and logged.
     band : int
         Number of the band in the file, from 1.
     variable : str, optional
@@ -305,7 +306,7 @@ def read(path: FilePath, *, crop: Sequence[float] | None = None, centre: Sequenc
                     roughness = None
                     x, y, window = rasters.window(grid, part, source)
                 values = depths(window)
-                if vertical == "auto" and raster.driver == "S102":
+                if vertical == "auto" and (raster.driver == "S102" or enc.recognised(path)):
                     vertical = "depth"
                 crs = rasters.name_of(native if grid is raster else grid.crs)
         heights, vertical = _z_up(values, vertical)

@@ -1,4 +1,4 @@
-"""Survey files as rasters: GDAL's formats, NumPy arrays, ESRI ASCII grids and lists of soundings.
+"""Survey files as rasters: GDAL's formats, NumPy arrays, ESRI ASCII grids, lists of soundings and electronic charts.
 
 GDAL reads most of them. Three kinds need care: a BAG of variable resolution is opened with its refinements, not as the
 coarse overview; netCDF axes may lack attributes that GDAL requires; in text grids GDAL reads words and missing numbers
@@ -24,7 +24,7 @@ import numpy as np
 from mitsonar.device.files import CLASSIC, HDF5, TIFF, FilePath, is_of_the_kernel
 
 from ..records.self_contained import DataElsewhere, check_hdf5
-from . import soundings
+from . import enc, soundings
 from .rasters import MOST_NODES, source_crs
 
 if TYPE_CHECKING:
@@ -179,6 +179,13 @@ def opened(path: FilePath, *, spacing: float | None = None, variable: str | None
                 stack.enter_context(_hushed(path))
                 if is_array:
                     raster = _array_as_raster(path, spacing)
+                elif enc.recognised(path):
+                    if crs is not None or nodata is not None:
+                        raise ValueError("the file is an electronic chart, whose system is WGS 84 and whose soundings "
+                                         "are all depths; leave crs and nodata out.")
+                    survey = enc.read(path)
+                    yield stack.enter_context(_gridded(survey, resolution)), survey.source
+                    return
                 elif soundings.holds_soundings(path):
                     raster, source = _soundings_as_raster(path, crs, resolution, nodata)
                     yield stack.enter_context(raster), source
@@ -332,12 +339,15 @@ def _ascii_as_raster(path):
 
 
 def _soundings_as_raster(path, crs, resolution, nodata):
+    survey = soundings.read(path, crs=crs, nodata=nodata)
+    return _gridded(survey, resolution), survey.source
+
+
+def _gridded(survey, resolution):
     from rasterio.transform import from_origin
 
-    survey = soundings.read(path, crs=crs, nodata=nodata)
     west, north, step, heights = survey.gridded(resolution)
-    transform = from_origin(west - step[0] / 2, north + step[1] / 2, *step)
-    return in_memory(heights, transform, crs=survey.crs), survey.source
+    return in_memory(heights, from_origin(west - step[0] / 2, north + step[1] / 2, *step), crs=survey.crs)
 
 
 def in_memory(values: np.ndarray, transform: "Affine", *, crs: "CRS | None" = None,

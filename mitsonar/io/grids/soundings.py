@@ -276,10 +276,11 @@ def read(path: FilePath, *, crs: str | None = None, nodata: float | None = None)
         refuse_degrees((x.min(), y.min(), x.max(), y.max()))
     if is_metric(source):
         return Soundings(x=x, y=y, z=z, crs=source, source=source)
-    return _in_metres(x, y, z, source)
+    return in_metres(x, y, z, source)
 
 
-def _in_metres(x, y, z, source):
+def in_metres(x: np.ndarray, y: np.ndarray, z: np.ndarray, source: "CRS") -> Soundings:
+    """Return soundings in a system of other units in metres of the UTM zone at their middle."""
     target = utm((x.min() + x.max()) / 2, (y.min() + y.max()) / 2, source)
     x, y = transformed(source.to_wkt(), target.to_wkt(), x, y)
     return Soundings(x=x, y=y, z=z, crs=target, source=source)

@@ -26,7 +26,7 @@ from .lines import Blocks, Place, Written
 
 __all__ = ["SUFFIXES", "Blocks", "Place", "Written", "check_asked", "read_blocks", "sources", "stored", "write"]
 
-BLOCK = 64                         # pings
+BLOCK, BLOCK_BYTES = 64, 1 << 26   # pings that are read at once, and most of their bytes
 _WRITERS = {".gsf": "gsf.gsf", ".kmall": "kongsberg.kmall", ".s7k": "s7k.s7k", ".nc": "netcdf", ".csv": "table",
             ".las": "las"}
 SUFFIXES = tuple(_WRITERS)
@@ -74,9 +74,9 @@ def read_blocks(path: FilePath, *, column: bool = True, size: int = BLOCK) -> It
     Parameters
     ----------
     path : str or path
-        An .all, .wcd, .kmall, .kmwcd, .gsf, .s7k or .xtf file, or a record in netCDF.
+        An .all, .wcd, .kmall, .kmwcd, .gsf, .s7k, .xtf or .hsx file, or a record in netCDF.
     column : bool
-        Read the water column where there is one.
+        Read the water column and the snippets where there are any.
     size : int
         Number of pings of a block.
 
@@ -130,8 +130,13 @@ def stored(path: FilePath) -> Iterator[xr.Dataset]:
         for values in record.variables.values():       # read once, not for every ping
             if "ping" not in values.dims:
                 values.load()
-        for number in range(record.sizes["ping"]):
-            yield record.isel(ping=slice(number, number + 1)).load()
+        pings = record.sizes["ping"]
+        size = sum(values.nbytes for values in record.variables.values() if "ping" in values.dims) // max(pings, 1)
+        step = max(1, min(BLOCK, BLOCK_BYTES // max(size, 1)))
+        for start in range(0, pings, step):
+            block = record.isel(ping=slice(start, start + step)).load()
+            for number in range(block.sizes["ping"]):
+                yield block.isel(ping=slice(number, number + 1))
 
 
 def sources(path: FilePath) -> tuple[str, ...]:

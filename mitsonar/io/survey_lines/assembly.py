@@ -9,11 +9,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime, timezone
+from functools import cached_property
 
 import numpy as np
 import xarray as xr
 
 from mitsonar.hydrography.record import VARIABLES, variable
+from mitsonar.hydrography.reduction.attitude import PlatformMotion
 from mitsonar.hydrography.reduction.resounding import resounded
 
 SLOWEST, FASTEST = 300.0, 3000.0   # [m/s]
@@ -91,11 +93,17 @@ class AssembledLine:
     sectors: int
     column_beams: int = 0
     column_samples: int = 0
+    snippet_samples: int = 0
     left_out: str = ""  # contents of the file that the record cannot hold
     placed: bool = True  # soundings have places in the file, not angles and times alone
     levels: tuple[str, ...] = ()  # of LEVELS, those that the file states
     datum: str = ""  # vertical datum
     heights: str = ""  # "gnss" if depths follow from heights above the ellipsoid
+
+    @cached_property
+    def platform(self) -> PlatformMotion:
+        """Motion that places soundings, made once for all blocks."""
+        return PlatformMotion(**{name: self.motion[name] for name in POSE})
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -111,6 +119,16 @@ class LineColumn:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class LineSnippets:
+    """Snippets of a ping."""
+
+    rate: float  # [Hz]
+    start: np.ndarray  # (B,) [s]: of the first sample, after the sector's transmission
+    count: np.ndarray  # (B,): samples of each beam
+    level_db: np.ndarray  # [dB]: beam after beam
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Ping:
     """One ping of one receiving head."""
 
@@ -120,6 +138,7 @@ class Ping:
     sectors: dict[str, np.ndarray]  # (S,)
     soundings: dict[str, np.ndarray]  # (B,): by the names of the record's variables
     column: LineColumn | None = None
+    snippets: LineSnippets | None = None
     levels: dict[str, float] = field(default_factory=dict)  # [m], by names of LEVELS
 
 
@@ -155,6 +174,8 @@ def dataset(line: AssembledLine, pings: Sequence[Ping]) -> xr.Dataset:
             values[name] = np.where(valid, rows, np.nan) if real else rows
     if line.column_beams:
         values |= _columns(line, pings)
+    if line.snippet_samples:
+        values |= _snippets(line, pings)
     attributes = {"sonar": line.sonar, "title": line.title, "crs": line.crs, "preset": None, "profile": line.profile,
                   "start": datetime.fromtimestamp(line.start, timezone.utc).isoformat().replace("+00:00", "Z"),
                   "backscatter": line.backscatter}
@@ -165,7 +186,7 @@ def dataset(line: AssembledLine, pings: Sequence[Ping]) -> xr.Dataset:
     if line.crs is not None:
         attributes["origin"] = line.origin
     record = xr.Dataset({name: variable(name, value) for name, value in values.items()}, attrs=attributes)
-    return record if line.placed else resounded(record)
+    return record if line.placed else resounded(record, motion=line.platform)
 
 
 def _usable(soundings):
@@ -199,13 +220,30 @@ def _padded(rows, shape, filling):
     return padded
 
 
+def _check_room(what: str, shape: tuple[int, int, int]) -> None:
+    size = 4 * np.prod(shape, dtype=float)
+    if size > MOST_BYTES:
+        raise ValueError(f"{what} of {shape[0]} pings of {shape[1]} beams of {shape[2]} samples takes "
+                         f"{1e-9 * size:.3g} GB; read fewer pings at a time, or leave it out (water_column=False).")
+
+
+def _snippets(line, pings):
+    """Return the variables of the snippets."""
+    shape = (len(pings), line.beams, line.snippet_samples)
+    _check_room("the snippets", shape)
+    level, samples = np.full(shape, np.nan, np.float32), np.arange(line.snippet_samples)
+    for number, ping in enumerate(pings):
+        if (snippets := ping.snippets) is not None:
+            level[number, :snippets.count.size][samples < snippets.count[:, None]] = snippets.level_db
+    return {"snippet_rate": np.array([ping.snippets.rate if ping.snippets else np.nan for ping in pings]),
+            "snippet_start": _padded([ping.snippets.start if ping.snippets else np.zeros(0) for ping in pings],
+                                     (line.beams,), np.nan), "snippet_db": level}
+
+
 def _columns(line, pings):
     """Return the variables of the water column."""
     shape = (len(pings), line.column_beams, line.column_samples)
-    if 4 * np.prod(shape, dtype=float) > MOST_BYTES:
-        raise ValueError(f"the water column of {shape[0]} pings of {shape[1]} beams of {shape[2]} samples takes "
-                         f"{4e-9 * np.prod(shape, dtype=float):.3g} GB; read fewer pings at a time, or leave it out "
-                         "(water_column=False).")
+    _check_room("the water column", shape)
     rows = {"angle": np.nan, "start": np.nan, "rate": np.nan, "sector": 0}
     empty = np.zeros(0)
     values = {f"column_{name}": _padded([getattr(ping.column, name) if ping.column else empty for ping in pings],

@@ -14,7 +14,7 @@ import numpy as np
 import xarray as xr
 
 from mitsonar.device.earth import Frame, origin
-from mitsonar.hydrography.record import VARIABLES, check
+from mitsonar.hydrography.record import VARIABLES, as_written, check
 from mitsonar.version import __version__
 
 # Variables that formats of soundings hold; those of heights, of a water column, of a line of several heads.
@@ -32,8 +32,6 @@ HEIGHTS = frozenset({"tide", "ping_height"})
 COLUMN = frozenset({"column_angle", "column_sector", "column_start", "column_rate", "column_level_db",
                     "column_recorded_db"})
 HEADS = frozenset({"head_receive_offset", "head_receive_mounting"})
-WRITTEN = (("backscatter_db", "written_backscatter_db"), ("snippet_db", "written_snippet_db"),
-           ("column_level_db", "column_recorded_db"))      # files hold what the instrument writes
 RESPONSE = frozenset({"normal_incidence_db", "oblique_incidence_db"})      # of formats after Kongsberg's
 
 Blocks = xr.Dataset | Iterable[xr.Dataset]
@@ -144,6 +142,7 @@ def pings(line: LineToWrite, block: xr.Dataset) -> Iterator[Ping]:
     ``longitude`` (of beams; NaN where there is no sounding) [degrees], ``true_heading`` [rad], ``level`` [m] of the
     water above the datum, 0 without a tide, and ``below_surface`` [m] of the reference point.
     """
+    block = as_written(block)
     arrays = {str(name): value.values for name, value in block.variables.items() if value.dims[:1] == ("ping",)}
     of_beams = {name for name in arrays if block[name].dims[1:2] == ("beam",)}
     of_sectors = {name for name in arrays if block[name].dims[1:2] == ("transmission",)}
@@ -160,9 +159,6 @@ def pings(line: LineToWrite, block: xr.Dataset) -> Iterator[Ping]:
         ping["beam"] = np.arange(formed.size)
         for name in (*of_beams, "latitude", "longitude", "beam"):
             ping[name] = ping[name][formed]
-        for name, written in WRITTEN:
-            if written in ping:
-                ping[name] = ping[written]
         sent = np.flatnonzero(np.isfinite(ping["sector_frequency"]))
         sectors = 1 + int(sent[-1]) if sent.size else 1
         for name in of_sectors:
@@ -206,11 +202,12 @@ def cycled(line_pings: Iterable[Ping], receivers: np.ndarray) -> Iterator[Ping]:
 
 def _fans(cycle, port_first, rate, number):
     of_head: dict[int, list[int]] = {}
-    for index, ping in enumerate(cycle):
-        of_head.setdefault(int(port_first[int(ping.get("head", 0))]), []).append(index)
+    side = [int(port_first[min(int(ping.get("head", 0)), len(port_first) - 1)]) for ping in cycle]
+    for index, number_from_port in enumerate(side):
+        of_head.setdefault(number_from_port, []).append(index)
     swath = {index: place for fans in of_head.values() for place, index in enumerate(
         sorted(fans, key=lambda index: float(np.mean(cycle[index]["sector_angle"]))))}
-    order = sorted(range(len(cycle)), key=lambda index: (swath[index], int(port_first[cycle[index].get("head", 0)])))
+    order = sorted(range(len(cycle)), key=lambda index: (swath[index], side[index]))
     for index, ping in enumerate(cycle):
         yield ping | {"rate": rate, "cycle": number, "fans": len(cycle), "fan": order.index(index),
                       "swaths": max(map(len, of_head.values())), "swath": swath[index], "heads": len(port_first)}

@@ -76,15 +76,26 @@ def motion_of(attitude: np.ndarray,        # (M, 5): time [s], roll, pitch, head
     longitude, latitude = positions[:, 1], positions[:, 2]
     frame = Frame.in_zone(latitude[0], longitude[0])
     convergence = float(frame.convergence(latitude[0], longitude[0]))
+    fixes = np.column_stack([positions[:, 0], frame.places(latitude, longitude)])
+    return motion_in(frame, attitude, fixes, start, waterline=waterline, convergence=convergence, mounting=mounting,
+                     antenna=antenna)
+
+
+def motion_in(frame: Frame,
+              attitude: np.ndarray,        # as `motion_of`
+              fixes: np.ndarray,           # (P, 3): time [s], x, y [m] in the frame
+              start: float, *,
+              waterline: float, convergence: float = 0.0,
+              mounting: np.ndarray | None = None, antenna: np.ndarray | None = None) -> MotionSamples:
+    """Return the motion of the reference point from positions in a frame; other arguments are those of `motion_of`."""
     attitude = attitude[np.unique(attitude[:, 0], return_index=True)[1]] if len(attitude) else attitude
     attitude = attitude[np.isfinite(attitude).all(1)]
     if not len(attitude):
-        attitude = np.column_stack([positions[:, 0], np.zeros((len(positions), 4))])
+        attitude = np.column_stack([fixes[:, 0], np.zeros((len(fixes), 4))])
     roll, pitch, heading = from_sensor(attitude[:, 1], attitude[:, 2], attitude[:, 3],
                                        np.zeros(3) if mounting is None else mounting)
     time, heading = attitude[:, 0] - start, np.unwrap(heading - convergence)
-    x, y = frame.places(latitude, longitude).T
-    fixes, antenna = np.column_stack([positions[:, 0] - start, x, y]), np.zeros(3) if antenna is None else antenna
+    fixes, antenna = fixes - [start, 0.0, 0.0], np.zeros(3) if antenna is None else antenna
     x, y = _carried(time, fixes, antenna, roll, pitch, heading)
     return MotionSamples(frame=frame, convergence=convergence, fixes=fixes, antenna=antenna, streams={
         "time": time, "x": x, "y": y, "roll": roll, "pitch": pitch, "heading": heading,

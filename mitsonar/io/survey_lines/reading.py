@@ -2,6 +2,7 @@
 
     .all, .wcd      Kongsberg datagrams until 2018       .kmall, .kmwcd   since then      .gsf   Generic Sensor Format
     .s7k            records of Teledyne Reson, Norbit and others        .xtf     of R2Sonic and Reson in Triton's format
+    .hsx            text of HYPACK
 
 A water column is read from the file itself or from the file beside it (LINE.wcd, LINE.kmwcd).
 """
@@ -19,6 +20,8 @@ from mitsonar.device.files import FilePath
 
 from .assembly import LineCast, cast_of, dataset
 from .gsf.read_gsf import GsfFile
+from .hypack.hsx import MARK
+from .hypack.read_hsx import HsxFile
 from .kongsberg.read_all import AllFile
 from .kongsberg.read_kmall import KmallFile
 from .s7k.read_s7k import S7kFile
@@ -28,14 +31,16 @@ from .xtf.read_xtf import XtfFile
 BLOCK = 64                         # pings
 COLUMNS = {"all": ".wcd", "kmall": ".kmwcd"}
 MAINS = {".wcd": ".all", ".kmwcd": ".kmall"}
-READERS = {"all": AllFile, "kmall": KmallFile, "gsf": GsfFile, "s7k": S7kFile, "xtf": XtfFile}
-LINES = "an .all, .kmall, .gsf, .s7k or .xtf file"
+READERS = {"all": AllFile, "kmall": KmallFile, "gsf": GsfFile, "s7k": S7kFile, "xtf": XtfFile, "hsx": HsxFile}
+LINES = "an .all, .kmall, .gsf, .s7k, .xtf or .hsx file"
 
 
 def recognised(head: bytes) -> str | None:
     """Return the format of a file, a key of `READERS` or None, from its first eight bytes."""
     if head[4:8] == SYNC:
         return "s7k"
+    if head == MARK:
+        return "hsx"
     if head[4:5] == b"#":
         return "kmall"
     if head[4:8] in (b"\x00\x00\x00\x01", b"\x80\x00\x00\x01"):

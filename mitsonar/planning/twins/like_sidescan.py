@@ -22,7 +22,7 @@ from mitsonar.io.records import geotiff
 from mitsonar.sonar.preset_tables import classes
 from mitsonar.units import db_from_power, deg_from_radians, khz_from_hertz
 
-from .sidescan_bed import SHARE, FoundBed, bed_of
+from .sidescan_bed import FoundBed, bed_of
 from .sidescan_line import SidescanLine, read_line
 from .sidescan_recorder import FoundRecorder, recorder_of
 
@@ -123,7 +123,7 @@ def _scene(line: SidescanLine, recorder: FoundRecorder, bed: FoundBed, preset: s
     _part(sensor, "medium", "seawater", "water", sound_speed=line.sound_speed)
     _part(sensor, "film", "sonar_film", range="$range", bins="$bins")
     ground = _part(root, "bsdf", "lambert", "bed", glints="$glints",
-                   **({"glint_share": SHARE} if bed.glints else {}))
+                   **({"glint_share": recorder.glints[1]} if bed.glints else {}))
     texture = ElementTree.SubElement(ground, "texture", {"name": "mu_db", "type": "bitmap"})
     _add(texture, filename="$strength", raw=True)
     seabed = _part(root, "shape", "bathymetry", "seabed", filename="$bed", vertical="depth", smooth_normals=True,

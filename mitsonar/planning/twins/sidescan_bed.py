@@ -21,6 +21,7 @@ import numpy as np
 import xarray as xr
 
 from mitsonar.scattering.surfaces.glints import FEWEST, MOST
+from mitsonar.signal.gates import speckle_gates
 from mitsonar.sonar.faces.faces import BuiltFace
 from mitsonar.sonar.faces.sidescan import Sidescan
 from mitsonar.units import db_from_power, power_from_db, radians_from_deg
@@ -36,7 +37,7 @@ QUIETEST_NOISE_DB = -200.0         # none
 USUAL_GAIN, LARGEST_GAIN = 30.0, 60.0                      # [dB] per factor of 10 in range
 LEAST_SPAN = 0.25                  # of log R over which a gain is fitted
 FROM = 1.3                         # times the first return, from where a gain is fitted
-SHARE = 0.3                        # of the strength that glints have
+SPREAD = 3.0                       # measured over even beds of 20 to 400 glints a square metre
 SAMPLES = 64                       # of the record in a cell of the map
 MOST_CELLS = 4_000_000
 NODE = 0.1                         # of the altitude: distance of the bed's nodes
@@ -102,14 +103,15 @@ def bed_of(line: SidescanLine, recorder: FoundRecorder, preset: Mapping[str, Any
 
 
 def _glints(line, recorder, preset):
-    """Return the density β [1/m²] of glints whose K-distribution has the record's shape ν = β A / s²; 0 for none.
+    """Return the density [1/m²] of glints that has the record's number of them in a gate of speckle; 0 for none.
 
-    A is the cell of a line's two-way beam, (∫ b)² / ∫ b² = 1.05 of its width, at the middle of the bed.
+    The cell is that of a line's two-way beam, (∫ b)² / ∫ b² = 1.05 of its width, at the middle of the bed, times
+    `SPREAD`: glints of a rendered bed vary its speckle as much as those of a cell so much larger would.
     """
-    resolution = 0.5 * line.sound_speed * preset["pulse_ms"] / 1e3
+    gate = line.spacing / speckle_gates(line.spacing, 0.5 * line.sound_speed * preset["pulse_ms"] / 1e3)
     middle = 0.5 * float(line.slant_range[-1] + np.median(line.first))
-    cell = 1.05 * radians_from_deg(preset["beam_width_deg"]) * middle * resolution
-    density = recorder.shape * SHARE ** 2 / cell
+    cell = SPREAD * 1.05 * radians_from_deg(preset["beam_width_deg"]) * middle * gate
+    density = recorder.glints[0] / cell
     return float(f"{density:.2g}") if FEWEST <= density <= MOST else 0.0
 
 

@@ -29,7 +29,7 @@ from mitsonar.units import deg_from_radians
 FEWEST = 2                         # pings of a track
 AGREE = 0.1                        # share by which the sides' first returns may differ
 NEAR, NEAR_SAMPLES = 0.01, 2.0     # share of the altitude, and samples, by which a recorded one may be off
-STEP, WAY_STEP = 0.5, 2.0          # [s] between spline knots: of attitude and depth, of position
+STEP, WAY_STEP = 0.5, 2.0          # [s] between spline knots: of the altitude, of the track
 BEYOND = 2.0                       # [s] by which pings may lie outside the navigation
 DEPTH = 1.0                        # [m] of a sonar whose record has none
 QUANTUM = 0.011                    # [s]: step of the times of pings
@@ -214,15 +214,14 @@ def _smoothed(navigation: Navigation, frame: Frame, time: np.ndarray, words: lis
         values[:, :2] -= frame.origin
     interval = float(np.median(np.diff(track.time)))
     at = np.clip(time, track.time[0] - BEYOND, track.time[-1] + BEYOND)
-    found, residual = np.empty((time.size, 6)), np.empty(6)
-    for columns, step in ((slice(0, 2), WAY_STEP), (slice(2, 6), STEP)):
-        spline = smoothed(track.time - time[0], values[:, columns], max(step, 3 * interval))
-        found[:, columns] = spline(at - time[0])
-        residual[columns] = np.sqrt(np.mean((spline(track.time - time[0]) - values[:, columns]) ** 2, axis=0))
+    # attitudes of sidescans come in steps: followed faster, the beam would turn away before its echoes return
+    spline = smoothed(track.time - time[0], values, max(WAY_STEP, 3 * interval))
+    found = spline(at - time[0])
+    residual = np.sqrt(np.mean((spline(track.time - time[0]) - values) ** 2, axis=0))
     found[:, 2] = np.minimum(found[:, 2], -0.05)
     angles = ", ".join(f"{value:.2g}" for value in deg_from_radians(residual[3:]))
     words.append(f"the track is the recorded one, {track.time.size} records {interval:.2g} s apart, smoothed by "
-                 f"splines with a knot every {STEP:g} s (positions: {WAY_STEP:g} s); this removes "
+                 f"splines with a knot every {WAY_STEP:g} s; this removes "
                  f"{np.hypot(*residual[:2]):.2g} m of position, {residual[2]:.2g} m of depth and {angles} degrees of "
                  "roll, pitch and heading (rms)")
     if navigation.heading is not None and time.size > 2:

@@ -1,8 +1,8 @@
 """Constants of a recorder, found in the counts that it wrote; the chain is that of `mitsonar.imaging.recorder`.
 
     detector, w, k, τ the chain of the twin is run over Rayleigh speckle for every window w of a peak detector, every
-                      low pass k and several pulses τ, and the one whose CV, r1 and quantiles are nearest to those of
-                      open bed is taken
+                      low pass k, several pulses τ and glints, and the one whose CV, r1, dark quantiles and kurtosis
+                      are nearest to those of open bed is taken
     bits              2^B - 1 is the least of its kind that holds the highest count, in steps of the counts
     noise             the median of the water column by range; its common part is √ρ, ρ the correlation of the sides
     line              the highest count of the first metre, while it is above half of it, and its fall afterwards
@@ -15,7 +15,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import ndimage, stats
+from scipy import ndimage
 
 from mitsonar.imaging.picture_statistics import open_bed
 from mitsonar.imaging.recorder import DECAY, Detector
@@ -26,14 +26,14 @@ from mitsonar.units import db_from_power
 from .sidescan_line import SidescanLine
 
 WINDOW = 32                        # samples and pings of a patch of open bed
+TREND = 6.0                        # samples: standard deviation of the local mean
 PEAKS = (0.0, 0.25, 1.0, 1.5, 2.0)
-TAPS = np.arange(0, 0.305, 0.01)
-PULSES = np.arange(1.1, 4.01, 0.1)                         # samples
-TEXTURE = 1.5                      # times as far: speckle darker and rougher than Rayleigh's is the bed's own
-PINGS, BINS = 300, 64              # of a trial
+TAPS = np.linspace(0, 0.3, 7)
+PULSES = (1.25, 1.5, 1.75, 2.0, 2.5, 3.0, 4.0)             # samples
+PINGS, BINS = 200, 64              # of a trial
 CLEARLY = 2.0                      # times nearer, from where a longer pulse than the assumed one is found
-SHAPES = (np.inf, 64.0, 32.0, 16.0, 8.0, 4.0, 2.0, 1.0)    # of glints
-BRIGHTEST = 0.15                   # by which the 99 % quantile may be off
+GLINTS = (0.0, 0.0), *((each, share) for each in (0.02, 0.05, 0.1, 0.2, 0.5) for share in (0.1, 0.2, 0.3, 0.4, 0.5))
+OFF = np.array([0.03, 0.02, 0.05, 0.05, 0.2])              # of the features, by which one tells as much as another
 CLEAR = 1.15                       # times the first return, from where there is bed
 DARK = 0.05                        # of the median ping's mean: a lost ping
 BRIGHT = 1.5                       # times the mean of its neighbours: a bright ping
@@ -65,7 +65,7 @@ class FoundRecorder:
     bright: float
     bright_db: float
     pulse_length: float  # [s]: of the speckle
-    shape: float  # of the K-distribution of its amplitudes; inf: Rayleigh's
+    glints: tuple[float, float]  # number of a gate of its speckle, and their share of its strength
     amplitude: np.ndarray  # sorted amplitudes of its detector over speckle of mean power 1, behind the low pass
     usable: np.ndarray  # (P,): pings that are not lost
     words: tuple[str, ...]
@@ -114,7 +114,7 @@ def recorder_of(line: SidescanLine, pulse_length: float) -> FoundRecorder:
     saturated = float(np.mean(counts[usable] >= highest))
     time = 2 * line.slant_range / line.sound_speed
     line_db, length, ringing, ends = _transmission(output, time, line.slant_range)
-    peak, low_pass, pulse_length, shape, amplitude, text = _detector(line, usable, highest, law, pulse_length)
+    peak, low_pass, pulse_length, glints, amplitude, text = _detector(line, usable, highest, law, pulse_length)
     words += [f"recorder: {bits} bits" + (f" in steps of {step:g}" if step != 1 else "")
               + f", {100 * saturated:.2g} % of samples at the highest count", text]
     words.append(f"line of the transmission: {line_db:.3g} dB re full scale for {1e3 * length:.2g} ms")
@@ -125,7 +125,7 @@ def recorder_of(line: SidescanLine, pulse_length: float) -> FoundRecorder:
         bits=bits, step=step, law=law, peak=peak, low_pass=low_pass, decimation=_decimation(counts[usable]),
         line_db=line_db, line_length=length, ringing=ringing, line_ends=ends,
         ping_gain_db=gain_db, lost=float(lost.mean()), repeated=float(repeated.mean()), bright=float(bright.mean()),
-        bright_db=bright_db, pulse_length=pulse_length, shape=shape, amplitude=amplitude, usable=usable,
+        bright_db=bright_db, pulse_length=pulse_length, glints=glints, amplitude=amplitude, usable=usable,
         words=tuple(words))
 
 
@@ -158,46 +158,45 @@ def _law(line, usable, highest):
 
 
 def _detector(line, usable, highest, law, pulse_length):
-    """Return peak window, low pass, pulse [s], shape of the glints and amplitudes of a detector, and a clause."""
+    """Return peak window, low pass, pulse [s], glints and sorted amplitudes of a detector, and a clause."""
     sample = 2 * line.spacing / line.sound_speed
     found = [_features(patch) for patch in _patches(line, usable, highest)]
     if not found:
-        return 0.25, 0.0, pulse_length, np.inf, np.sort(_trial(sample, pulse_length, 0.25).ravel()), (
+        return 0.25, 0.0, pulse_length, (0.0, 0.0), np.sort(_trial(sample, pulse_length, 0.25).ravel()), (
             "no open bed of 32 pings by 32 samples was found: a detector of one sample without a low pass is assumed")
     wanted = np.median(found, axis=0)
-    longer = [(float(one) * sample, 0.25) for one in PULSES if one * sample > pulse_length]
-    best = np.inf, 0.25, 0.0, pulse_length, wanted
-    for pulse, peak in [*((pulse_length, peak) for peak in PEAKS), *longer]:
-        drawn = _trial(sample, pulse, peak)
-        for k in TAPS if (pulse, peak) not in longer else TAPS[:1]:
-            detector = Detector(law=law, low_pass=float(k))
-            features = _features(detector.smoothed(detector.detected(drawn ** 2 / 30)))
-            # a bed of its own texture has a larger CV and smaller quantiles
-            far = _distance(wanted, features, TEXTURE) * (CLEARLY if pulse > pulse_length else 1)
+    pulses = [(pulse_length, peak) for peak in PEAKS]
+    pulses += [(float(one) * sample, 0.25) for one in PULSES if one * sample > pulse_length]
+    best = np.inf, 0.25, pulse_length, (0.0, 0.0), 0.0, wanted
+    for pulse, peak in pulses:
+        for glints in GLINTS if pulse == pulse_length else GLINTS[:1]:
+            drawn = Detector(law=law).detected(_trial(sample, pulse, peak, *glints) ** 2 / 30)
+            k = 0.0 if pulse > pulse_length else _tap(drawn, wanted[1])
+            features = _features(Detector(low_pass=k).smoothed(drawn))
+            far = float(np.sum(((wanted - features)[:-1] / OFF) ** 2)) * (CLEARLY if pulse > pulse_length else 1)
             if far < best[0]:
-                best = far, peak, float(k), pulse, features
-    _, peak, low_pass, pulse, features = best
-    texture = np.inf, np.inf
-    detector = Detector(law=law, low_pass=low_pass)
-    for shape in SHAPES:
-        drawn = _trial(sample, pulse, peak, shape)
-        features = _features(detector.smoothed(detector.detected(drawn ** 2 / 30)))
-        texture = min(texture, (_distance(wanted, features, 1.0, bright=BRIGHTEST), shape))
-    amplitude = np.sort(Detector(low_pass=low_pass).smoothed(_trial(sample, pulse, peak, texture[1])).ravel())
-    features = best[-1]
-    return peak, low_pass, pulse, texture[1], amplitude, (
-        f"speckle on open bed: CV {wanted[0]:.3f}, r1 {wanted[1]:.3f}, 10 % quantile {wanted[3]:.2f}; a {law} detector "
-        f"with a peak window of {peak:g} samples and a low pass of {low_pass:.2g} makes {features[0]:.3f}, "
-        f"{features[1]:.3f}, {features[3]:.2f} of a pulse of {1e3 * pulse:.2g} ms" + (
-            f"; its bright ones are those of glints, K-distributed with a shape of {texture[1]:g}"
-            if np.isfinite(texture[1]) else ""))
+                best = far, peak, pulse, glints, k, features
+    _, peak, pulse, glints, low_pass, features = best
+    amplitude = np.sort(Detector(low_pass=low_pass).smoothed(_trial(sample, pulse, peak, *glints)).ravel())
+    return peak, low_pass, pulse, glints, amplitude, (
+        f"speckle on open bed: CV {wanted[0]:.3f}, r1 {wanted[1]:.3f}, 1 and 10 % quantiles {wanted[2]:.2f} and "
+        f"{wanted[3]:.2f}, kurtosis {np.expm1(wanted[4]):.2g}; a {law} detector with a peak window of {peak:g} samples "
+        f"and a low pass of {low_pass:.2g} makes {features[0]:.3f}, {features[1]:.3f}, {features[2]:.2f} and "
+        f"{features[3]:.2f}, {np.expm1(features[4]):.2g} of a pulse of {1e3 * pulse:.2g} ms " + (
+            f"over glints, {glints[0]:g} a cell with {100 * glints[1]:.0f} % of the strength" if glints[1]
+            else "without glints"))
 
 
-def _distance(wanted, features, texture, bright=np.inf):
-    """Return how far features are from those wanted; less far by `texture` where a rough bed may be the cause."""
-    away = np.subtract(wanted, features)[:-1]
-    rougher = np.array([away[0] > 0, False, away[2] < 0, away[3] < 0, False])
-    return float(np.sum((away / np.where(rougher, texture, 1) / (0.03, 0.02, 0.05, 0.05, bright)) ** 2))
+def _tap(drawn, wanted):
+    """Return the low pass k that gives detected amplitudes the correlation of neighbours r1."""
+    found = [_neighbours(Detector(low_pass=float(k)).smoothed(drawn)) for k in TAPS]
+    return round(float(np.interp(wanted, np.maximum.accumulate(found), TAPS)), 3)
+
+
+def _neighbours(values):
+    """Return the correlation of neighbours in range."""
+    y = values - values.mean()
+    return float((y[:, 1:] * y[:, :-1]).mean() / max(float((y * y).mean()), 1e-12))
 
 
 def _patches(line, usable, highest):
@@ -218,22 +217,22 @@ def _patches(line, usable, highest):
 
 
 def _features(patch):
-    """Return CV, r1, 1, 10 and 99 % quantiles over the mean, and skewness of a patch (ping, sample) less its plane."""
-    rows, columns = (np.arange(size) - (size - 1) / 2 for size in patch.shape)
-    mean = patch.mean()
-    slopes = (rows @ patch.mean(1)) / (rows @ rows), (columns @ patch.mean(0)) / (columns @ columns)
-    level = mean + slopes[0] * rows[:, None] + slopes[1] * columns
-    x = patch / np.maximum(level, 0.1 * mean)
+    """Return CV, r1, 1 and 10 % quantiles over the mean, log of 1 + kurtosis, and skewness of a patch.
+
+    They are those of the patch over its local mean, which has the texture of the bed.
+    """
+    x = patch / np.maximum(ndimage.gaussian_filter(patch, TREND, mode="nearest"), 0.05 * patch.mean())
     y = x - x.mean()
-    power = max(float((y * y).mean()), 1e-12)
-    return (float(np.sqrt(power) / x.mean()), float((y[:, 1:] * y[:, :-1]).mean() / power),
-            *np.quantile(x / x.mean(), (0.01, 0.1, 0.99)), float(stats.skew(y, axis=None)))
+    spread = max(float(y.std()), 1e-6)
+    y3, y4 = (float((y ** power).mean()) / spread ** power for power in (3, 4))
+    return np.array([spread / x.mean(), _neighbours(x), *np.quantile(x / x.mean(), (0.01, 0.1)),
+                     np.log1p(max(y4 - 3, -0.5)), y3])
 
 
-def _trial(length, pulse_length, peak, shape=np.inf):
+def _trial(length, pulse_length, peak, glints=0.0, share=0.0):
     """Return amplitudes (PINGS, BINS) of a peak detector over speckle of mean power 1, by samples [s].
 
-    With a finite shape, the power of cells is a gamma distribution's, so that amplitudes are K-distributed.
+    So many glints, by Poisson's distribution, have a share of the strength of a gate.
     """
     shares, random = pulse_shares(length, pulse_length), np.random.default_rng(1)
     gates = BINS * speckle_gates(length, pulse_length)
@@ -241,10 +240,11 @@ def _trial(length, pulse_length, peak, shape=np.inf):
     fine = random.standard_normal((PINGS, gates * steps + steps - 1, 2)) @ [1, 1j]
     speckle = np.lib.stride_tricks.sliding_window_view(fine, steps, 1).sum(-1).reshape(PINGS, gates, steps)
     speckle /= np.sqrt(2 * steps)
+    if share:
+        speckle *= np.sqrt(1 - share + share * random.poisson(glints, speckle.shape[:2]) / glints)[..., None]
     even = np.ones((PINGS, BINS))
-    rough = random.gamma(shape, 1 / shape, even.shape) if np.isfinite(shape) else even
-    drawn = (peaks(rough, shares, speckle, 0.0, random, peak) if peak
-             else realisation(rough, shares, speckle[..., 0], 0.0, random))
+    drawn = (peaks(even, shares, speckle, 0.0, random, peak) if peak
+             else realisation(even, shares, speckle[..., 0], 0.0, random))
     return np.sqrt(drawn / mean_intensity(even, shares)[0, BINS // 2])
 
 
@@ -294,11 +294,10 @@ def noise_of(line: SidescanLine, recorder: FoundRecorder, gained: np.ndarray) ->
     ping, place = (numbers[inside] for numbers in np.nonzero(water))
     parts = [_less_means(_less_means(side[inside], place), ping) for side in (port, starboard)]
     together = float(np.mean(parts[0] * parts[1])) / max(float(parts[0].std() * parts[1].std()), 1e-12)
-    common = min(float(power.mean() * np.sqrt(np.clip(together, 0.0, 1.0))), float(behind))
+    common = float(behind * np.sqrt(np.clip(together, 0.0, 1.0)))
     return FoundNoise(own=float(behind) - common, common=common, before=float(before), words=(
         f"noise of the water column: {_told(power.mean())} in the mean, {_told(behind)} of it behind the gain and "
-        f"{_told(before * gained[used].mean())} before it; {100 * common / power.mean():.2g} % is alike in both "
-        "sides",))
+        f"{_told(before * gained[used].mean())} before it; {_told(common)} is alike in both sides",))
 
 
 def _darkest(line, output, usable):

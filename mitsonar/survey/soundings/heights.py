@@ -1,4 +1,4 @@
-"""What depths of soundings are reduced with: a tide, or heights above the ellipsoid less a separation."""
+"""Levels that depths of soundings are reduced to: a tide, or heights above the ellipsoid less a separation."""
 from __future__ import annotations
 
 from dataclasses import dataclass

@@ -160,12 +160,13 @@ class SoundingLine(Generic[MeasurementT]):
         self._survey, self._instrument = survey, instrument
         sensed = measured_motion(survey, seed)
         self._profile, self._true, self._sensed = profile, true_motion(survey), sensed.motion
-        self._installation, self._accuracies = instrument.installation, _accuracies(wrong)
+        self._installation = instrument.installation
         arms = {name: getattr(self._installation, name) + wrong.offset_error
                 for name in ("transmit_offset", "receive_offset")}
         self._stated = replace(self._installation, **arms) if any(wrong.offset_error) else self._installation
         self._heights = EllipsoidHeights.of(survey, sensed, by)
         self._tide = _level(survey, by.tide, wrong.tide_error) if self._by_tide else self._followed
+        self._accuracies = _accuracies(wrong, wrong.heave_noise if self._by_tide else wrong.height_noise)
         self._transmissions = survey.transmissions
         first = float(survey.track.time[0])
         self._since = math.floor(first) if first > DATED else 0.0
@@ -344,8 +345,8 @@ def _constant(value: float, times: np.ndarray) -> np.ndarray:
     return np.full(np.shape(times), value)
 
 
-def _accuracies(errors: MotionErrors) -> Accuracies:
-    """Return the accuracies of the sensors, as the scene states them; biases are unknown, so they count as 0."""
+def _accuracies(errors: MotionErrors, heights: float) -> Accuracies:
+    """Return the accuracies of the sensors, with that of heights [m]; biases are unknown, so they count as 0."""
     return Accuracies(angle=0.0, roll=errors.attitude_noise, pitch=errors.attitude_noise,
-                      heading=errors.heading_noise, heave=errors.heave_noise, heave_share=0.0, draught=0.0,
+                      heading=errors.heading_noise, heave=heights, heave_share=0.0, draught=0.0,
                       position=errors.position_noise * float(np.sqrt(2)), latency=0.0, profile=0.0, head=0.0)

@@ -13,6 +13,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, BinaryIO
 
+import numpy as np
+
 LONGEST = 1 << 26                  # bytes; water columns have a few megabytes
 FRAME = struct.Struct("<I4sBBHII")
 BODY = struct.Struct("<2H8B")                      # of multibeam datagrams, after the numbers of parts
@@ -88,8 +90,9 @@ def at(stream: BinaryIO, offset: int, length: int) -> KmallDatagram:
                          time=second + 1e-9 * nanosecond, stamp=(second, nanosecond))
 
 
-def beams_of(ping: KmallDatagram) -> tuple[int, int, int]:
-    """Return the numbers of soundings, sectors and extra detections of #MRZ, checked to fit into it."""
+def beams_of(ping: KmallDatagram) -> tuple[int, int, int, int]:
+    """Return the numbers of soundings, sectors, extra detections and samples of the longest snippet of #MRZ, checked.
+    """
     info = ping.body
     length, _ = ping.part(struct.Struct("<2H"), info)
     sectors, of_sector = ping.part(struct.Struct("<2H"), info + SECTORS)
@@ -98,8 +101,11 @@ def beams_of(ping: KmallDatagram) -> tuple[int, int, int]:
     if of_sounding != SOUNDING:
         raise ValueError(f"its soundings take {of_sounding} bytes each; only {SOUNDING} can be read.")
     soundings = receiver + own + classes * of_class
-    ping.part(struct.Struct("<"), soundings + (main + extra) * of_sounding)
-    return main, sectors, extra
+    images = soundings + (main + extra) * of_sounding
+    ping.part(struct.Struct("<"), images)
+    counts = np.frombuffer(ping.raw, "<u2", (main + extra) * SOUNDING // 2, soundings)[SOUNDING // 2 - 1::SOUNDING // 2]
+    ping.part(struct.Struct("<"), images + 2 * int(counts.sum(dtype=int)))
+    return main, sectors, extra, int(counts[:main].max(initial=0))
 
 
 def position_of(ping: KmallDatagram) -> tuple[float, float, float]:

@@ -37,6 +37,7 @@ class KongsbergRecords:
     sectors: int = 0
     column_beams: int = 0
     column_samples: int = 0
+    snippet_samples: int = 0
 
     def note_ping(self, number: int, beams: int, sectors: int) -> None:
         """Keep the largest numbers of beams and sectors."""
@@ -96,7 +97,7 @@ class KongsbergFile(ABC):
             backscatter=self.BACKSCATTER, profile="the cast of the file", beams=found.beams, sectors=found.sectors,
             levels=tuple(name for name, held in (("tide", found.tides), ("ping_height", found.heights)) if held),
             datum=found.datum, column_beams=found.column_beams, column_samples=found.column_samples,
-            left_out=", and ".join((
+            snippet_samples=found.snippet_samples if self._water_column else 0, left_out=", and ".join((
                 *([f"{found.extra} extra detections in the water column are left out"] if found.extra else []),
                 *([f"datagrams of the kinds {', '.join(kinds)} are not read"] if kinds else []))))
 

@@ -14,7 +14,7 @@ from typing import BinaryIO
 
 import numpy as np
 
-from ..assembly import LineCast, LineColumn, Ping
+from ..assembly import LineCast, LineColumn, LineSnippets, Ping
 from ..motion import motion_of
 from ..places import across_and_along
 from .kmall_datagrams import KmallDatagram, at, beams_of, column_of, datagrams, decoded, position_of, tide_of
@@ -27,6 +27,7 @@ REAL = ("twoWayTravelTime_sec", "beamAngleReRx_deg", "z_reRefPoint_m", "y_reRefP
         "reflectivity1_dB", "qualityFactor", "detectionUncertaintyVer_m", "detectionUncertaintyHor_m",
         "meanAbsCoeff_dbPerkm")
 _ACTIVE = 1                        # of a sensor
+NO_SAMPLE = -32_768                # of a seabed image
 NO_HEIGHT = -999.0                 # [m] above the ellipsoid: there is none
 
 
@@ -103,6 +104,7 @@ class KmallFile(KongsbergFile):
                        "quality": 2 - np.log10(np.maximum(sounding["qualityFactor"], 1e-6)),
                        "uncertainty": sounding["detectionUncertaintyVer_m"],
                        "horizontal_uncertainty": sounding["detectionUncertaintyHor_m"]},
+            snippets=_snippets(content, valid) if self._water_column and self._found.snippet_samples else None,
             column=self._column(streams, key, place, head, sectors["absorption_db"]) if self._water_column else None)
 
     def _column(self, streams, key, place, head, absorption) -> LineColumn | None:
@@ -125,7 +127,8 @@ def _note(found: KongsbergRecords, datagram: KmallDatagram, number: int) -> None
     """Keep the contents of a datagram, or its place in file ``number``."""
     where = (number, datagram.offset, len(datagram.raw))
     if datagram.kind == "MRZ":
-        beams, sectors, extra = beams_of(datagram)
+        beams, sectors, extra, snippet = beams_of(datagram)
+        found.snippet_samples = max(found.snippet_samples, snippet)
         if not sectors:
             raise ValueError(f"its ping {datagram.key[0]} has no sectors; it is damaged.")
         found.note_ping(datagram.key[0], beams, sectors)
@@ -168,6 +171,19 @@ def _sectors(shots, sounding):
     return {"frequency": shots["centreFreq_Hz"], "delay": shots["sectorTransmitDelay_sec"],
             "pulse_length": shots["totalSignalLength_sec"], "bandwidth": shots["signalBandWidth_Hz"],
             "source_level_db": shots["txNominalSourceLevel_dB"], "absorption_db": np.array(absorption)}
+
+
+def _snippets(content, valid) -> LineSnippets | None:
+    """Return the seabed image of a ping; the sample of the sounding, not the first, has a time in the file."""
+    rate, soundings = content["rxInfo"]["seabedImageSampleRate"], content["sounding"]
+    if not 0 < rate < np.inf:
+        return None
+    centre, count, time = (np.asarray(soundings[name])[:valid.size] for name in (
+        "SIcentreSample", "SInumSamples", "twoWayTravelTime_sec"))
+    # Those of rejected beams are left out, as all else of them.
+    level = np.asarray(content["SIsample_desidB"], float)[:int(count.sum())][np.repeat(valid, count)]
+    return LineSnippets(rate=rate, start=np.where(valid & (count > 0), time - centre / rate, np.nan),
+                        count=np.where(valid, count, 0), level_db=np.where(level > NO_SAMPLE, 0.1 * level, np.nan))
 
 
 def _read(streams, where):

@@ -1,0 +1,1 @@
+"""Read HSX files of HYPACK."""
