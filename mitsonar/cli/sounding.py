@@ -59,13 +59,15 @@ def add(commands: Commands) -> None:
 
     like = commands.add_parser("like", help="make a scene like a recorded line of soundings, or of a sidescan: its "
                                             "track, sonar and bed")
-    add_file(like, "line", metavar="LINE", help="line of soundings, or of a sidescan")
+    add_file(like, "line", metavar="LINE", help="line of soundings, or of a sidescan (.xtf, .jsf, .sdf)")
     add_file(like, "-o", "--output", required=True, metavar="SCENE.xml",
              help="scene; its track, cast and bed are written beside it, of a sidescan the map of its strength")
     like.add_argument("--cell", type=number, metavar="M",
                       help="cell of the bed's grid, or of the map of a sidescan; default: by the density of soundings "
                            "or samples")
     like.add_argument("--pings", type=whole, metavar="N", help="number of first pings to use; default: all")
+    like.add_argument("--frequency", type=number, metavar="KHZ",
+                      help="which of a sidescan's frequencies; default: the first pair of channels")
     like.set_defaults(run=_like)
 
 
@@ -247,7 +249,15 @@ def _like(arguments):
     if arguments.pings is not None and arguments.pings < 2:
         raise ValueError(f"--pings is {arguments.pings}; a track takes two or more.")
     check_readable(arguments.line, "the line", "a recorded line")
-    make = like_sidescan if sidescan_lines.recognised(arguments.line) else like
-    for path in make(arguments.line, arguments.output, cell=arguments.cell, say=warn,
-                     pings=None if arguments.pings is None else slice(0, arguments.pings)):
+    pings = None if arguments.pings is None else slice(0, arguments.pings)
+    if sidescan_lines.recognised(arguments.line):
+        frequency = None if arguments.frequency is None else 1e3 * arguments.frequency
+        written = like_sidescan(arguments.line, arguments.output, cell=arguments.cell, say=warn, pings=pings,
+                                frequency=frequency)
+    elif arguments.frequency is not None:
+        raise ValueError(f"--frequency is {arguments.frequency:g}, and {arguments.line} is a line of soundings; leave "
+                         "it out.")
+    else:
+        written = like(arguments.line, arguments.output, cell=arguments.cell, say=warn, pings=pings)
+    for path in written:
         announce(path)

@@ -28,6 +28,8 @@ WRITTEN_STRENGTHS = Group(title="Written strengths", module="films.strength_attr
             text="one-way absorption that the instrument assumes, of each sector or all"),
     Numbers("written_source_level_error_db", default=(0.0,), unit="dB",
             text="source level that the instrument assumes, less the true one, of each sector or all"),
+    Number("written_window_ms", default=None, above=0, maximum=1000, unit="ms", otherwise="the beam's footprint",
+           text="time about the detection over which the instrument averages: a short one leaves the speckle"),
     Boolean("written_level_bed", default=False, text="true: the ensonified area is that of a level bed"),
     File("written_pattern", default=None,
          text="CSV: sector from 0, angle [deg] from the array's normal to starboard, level [dB]: pattern of both "
@@ -64,6 +66,7 @@ def read_strength_writing(attributes: Attributes, sectors: int) -> StrengthWriti
         crossover=attributes.written_crossover_deg, normal_db=attributes.written_normal_db,
         oblique_db=attributes.written_oblique_db, absorption_db=tuple(attributes.written_absorption_db.tolist()),
         source_level_error_db=tuple(attributes.written_source_level_error_db.tolist()),
+        window=None if attributes.written_window_ms is None else attributes.written_window_ms / 1000,
         level_bed=attributes.written_level_bed, pattern=_pattern(attributes, "written_pattern", sectors),
         pattern_correction=_pattern(attributes, "written_pattern_correction", sectors),
         gain_steps=tuple(zip(pings.astype(int).tolist(), gains.tolist())))

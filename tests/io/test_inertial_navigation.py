@@ -62,12 +62,12 @@ def test_a_date_names_the_week_of_an_sbet(tmp_path):
     path = sbet_file(tmp_path / "a.sbet")
     sunday = datetime.datetime(2026, 4, 26, tzinfo=datetime.timezone.utc).timestamp()
     for date in ("2026-04-26", "2026-04-28T10:00:00Z", "2026-05-02"):
-        found = tracks.load(path, date)
+        found = tracks.load(path, date=date)
         check(found, sunday + TIME)
         assert not found.week
     for date, words in (("2026-13-01", "the date of the week is '2026-13-01'"), ("1970-01-01", "give a date such as")):
         with pytest.raises(ValueError, match=words):
-            tracks.load(path, date)
+            tracks.load(path, date=date)
 
 
 def test_an_sbet_over_the_end_of_a_week_runs_on(tmp_path):
@@ -177,4 +177,4 @@ def test_an_sbet_is_a_track_of_scenes(tmp_path, variant):
 def test_a_date_for_a_track_that_has_its_own_is_refused(tmp_path):
     (tmp_path / "a.csv").write_text("time,x,y,z\n0,0,0,-1\n1,1,1,-1\n")
     with pytest.raises(ValueError, match="is no SBET and names its own dates"):
-        tracks.load(tmp_path / "a.csv", "2026-05-01")
+        tracks.load(tmp_path / "a.csv", date="2026-05-01")

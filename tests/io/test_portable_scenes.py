@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from mitsonar.io.scene_files import scenes
-from mitsonar.io.scene_files.portable import beside, copy_scene
+from mitsonar.io.scene_files.portable import beside, bring, copy_scene
 
 ROOT = Path(__file__).resolve().parents[2]
 CAST = "depth,sound speed\n0,1500\n30,1490\n"
@@ -192,3 +192,16 @@ def test_the_command_copies_a_scene_and_says_what_is_missing(variant, tmp_path, 
         assert cli.main(words) == 2
         assert says in capfd.readouterr().err
     assert os.listdir(".") == ["copy"]
+
+
+def test_a_scene_that_moves_brings_its_files_and_spares_those_of_others(files_of, survey, tmp_path):
+    scene = survey("../data/cast.csv")
+    root = scenes.root(scene)
+    assert bring(root, scene, tmp_path / "elsewhere", files_of) == ("files/cast.csv",)
+    assert root.find("default").get("value") == "files/cast.csv"
+    assert (tmp_path / "elsewhere/files/cast.csv").read_text() == CAST
+    bring(scenes.root(scene), scene, tmp_path / "elsewhere", files_of)       # the same files once more
+    (tmp_path / "elsewhere/files/cast.csv").write_text("mine")
+    with pytest.raises(ValueError, match="is another file; give the scene another folder"):
+        bring(scenes.root(scene), scene, tmp_path / "elsewhere", files_of)
+    assert (tmp_path / "elsewhere/files/cast.csv").read_text() == "mine"

@@ -1,4 +1,7 @@
-"""SDF pages made byte by byte, by the layout that two public readers agree on; no recorded file was at hand."""
+"""SDF pages made byte by byte, by the layout that two public readers agree on; no recorded file was at hand.
+
+One of them (octave-sss) read such files alike: samples, times, numbers, speed and frequency exactly.
+"""
 import struct
 import warnings
 
@@ -38,6 +41,7 @@ def test_pages_come_back_by_frequency_with_their_navigation(line):
 
 
 @pytest.mark.parametrize(("change", "words"), [
+    (lambda raw: by_bytes.page(1, [1, 2], [3, 4], version=5001), "of the versions 5001, and those of the UUV-3500"),
     (lambda raw: raw[:-3], "cut off"),
     (lambda raw: raw[:4] + struct.pack("<I", 2**32 - 1) + raw[8:], "damaged"),
     (lambda raw: raw + b"\0" * 600, "no page starts"),

@@ -74,6 +74,24 @@ def test_arrays_without_an_installation_record_stand_where_the_settings_put_them
     assert float(line["across_track"].mean()) > 5
 
 
+def test_installation_of_another_device_and_settings_of_an_older_version(tmp_path):
+    """Other programs write the installation under a device of their own; older 7503 end before the tilts."""
+    settings = fields(7503, number=100, transmit=(0.1, 0.3, -0.2))[:-12]
+    line = line_of(tmp_path, record(7503, 1.0, settings) + s7k_file(arms=False))
+    assert np.allclose(line["transmit_offset"], [0, 0.1, 0.2]) and np.allclose(line["receive_mounting"], 0)
+    other = record(7030, 1.0, fields(7030, receive=(0.5, 2.0, -1.0, 0, 0, 0)), source=(7000, 0))
+    assert np.allclose(line_of(tmp_path, other + s7k_file(arms=False))["receive_offset"], [2, 0.5, 1])
+
+
+def test_checksums_count_in_files_that_keep_them(tmp_path):
+    content = s7k_file(1)
+    parts = [part[:-4] + b"\x01\x02\x03\x04" for _, part in records_of(content)]
+    assert line_of(tmp_path, b"".join(parts)).sizes["ping"] == 1
+    (tmp_path / "a.s7k").write_bytes(content[:-500] + bytes([content[-500] ^ 1]) + content[-499:])
+    with pytest.raises(ValueError, match="its record 7027 at byte .* is damaged: its checksum is wrong"):
+        reading.read(tmp_path / "a.s7k")
+
+
 def test_a_file_without_a_cast_takes_the_heads_speed_and_says_so(tmp_path):
     line = line_of(tmp_path, s7k_file(cast=False) + record(7051, 1.0, bytes(8)))
     assert line.attrs["profile"] == "the head's sound speed at all depths"

@@ -1,11 +1,11 @@
 """Compute strengths as an instrument writes them, from bottom backscattering strengths.
 
-    S' = S + C(θ) + E        E = 2 (α' - α) R - (SL' - SL) + 10 log10 (A / A') + P - P' + G
+    S' = S + C(θ) + E        E = 2 (α' - α) R - (SL' - SL) + 10 log10 (A / A') + P - P' + G + W
 
 S -> ``backscatter_db``, θ -> ``incidence`` on a level bed, α and α' -> absorption of the water and the assumed one, R
 -> length of the path, SL' - SL -> ``source_level_error_db``, A and A' -> ensonified area of the bed as it slopes and of
 a level bed, P and P' -> ``pattern`` (real less ideal, both ways) and the part of it that the instrument corrects,
-G -> gain steps.
+G -> gain steps, W -> strength of a short window about the detection less that of the whole footprint: speckle.
 
 C flattens the response of a model bed with the strengths BSn at normal and BSo at oblique incidence, linear between
 them up to the crossover angle θ_c, and Lambert's law beyond (Hammerstad 2000, Backscattering and seabed image
@@ -60,6 +60,7 @@ class StrengthWriting:
     oblique_db: float | None = None  # BSo; likewise
     absorption_db: tuple[float, ...] = ()  # [dB/m] assumed, one a sector; empty: the water's
     source_level_error_db: tuple[float, ...] = (0.0,)  # assumed less true, one a sector or one for all
+    window: float | None = None  # [s] about the detection in which intensities are averaged; None: the footprint
     level_bed: bool = False  # True: the area is that of a level bed
     pattern: BeamPattern | None = None
     pattern_correction: BeamPattern | None = None
@@ -75,7 +76,8 @@ class StrengthWriting:
         return values[number] if len(values) > 1 else values[0]
 
     def errors_db(self, ping: int, number: int, *, angle: np.ndarray, distance: np.ndarray,
-                  absorption_db: np.ndarray, area_error_db: np.ndarray) -> np.ndarray:
+                  absorption_db: np.ndarray, area_error_db: np.ndarray,
+                  window_error_db: np.ndarray | float = 0.0) -> np.ndarray:
         """Return E (B,) [dB] of a sector's soundings.
 
         Parameters
@@ -90,12 +92,15 @@ class StrengthWriting:
             Mean absorption of the water along the paths.
         area_error_db : float (B,) [dB]
             Ensonified area of the bed over that of a level bed.
+        window_error_db : float (B,) [dB]
+            W.
 
         Returns
         -------
         float (B,) [dB]
         """
         error = np.full(np.shape(distance), self.gain_db(ping) - self.of_sector("source_level_error_db", number))
+        error += window_error_db
         if self.absorption_db:
             error += 2 * (self.of_sector("absorption_db", number) - absorption_db) * distance
         if self.level_bed:

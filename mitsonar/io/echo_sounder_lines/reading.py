@@ -11,6 +11,7 @@ import warnings
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -219,7 +220,8 @@ def _image(path, file, line, name, wanted):
     level, angles, signal = _arrays(file, wanted, about, pulse, sent)
     time = np.array([ping.time for ping, _ in wanted])
     dims = ("ping", "range")
-    variables: dict[str, tuple] = {"level": (dims, level, {"units": "dB re 1 W", "long_name": "received power"})}
+    variables = dict[str, tuple[Any, ...]]()
+    variables["level"] = dims, level, {"units": "dB re 1 W", "long_name": "received power"}
     for way, words, values in zip(("along", "athwart"), ("ahead", "to starboard"), angles or (), strict=False):
         long_name = f"direction of the echo, {words} of the axis"
         variables[f"angle_{way}"] = (dims, values, {"units": "rad", "long_name": long_name})
@@ -246,7 +248,8 @@ def _image(path, file, line, name, wanted):
 def _pulse(pulse, about):
     """Return the attributes of the pulse, with the gain for its length."""
     length = _length(pulse)
-    found = {"pulse_form": "FM" if pulse.get("PulseForm") == FM else "CW"}
+    found = dict[str, Any]()
+    found["pulse_form"] = "FM" if pulse.get("PulseForm") == FM else "CW"
     if np.isfinite(length):
         found["pulse_length"] = length
     band = [pulse.get(key, np.nan) for key in ("FrequencyStart", "FrequencyEnd")]

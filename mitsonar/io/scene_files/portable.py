@@ -94,6 +94,16 @@ def beside(file: FilePath, folder: FilePath) -> str:
     return name
 
 
+def bring(root: ElementTree.Element, path: FilePath, folder: FilePath, files_of: FilesOf) -> tuple[str, ...]:
+    """Copy the files that a scene names into the folder to which it moves, and change their names in it.
+
+    ``root`` is the scene read from ``path``; files outside its folder are copied, too. Returns the names of the copies.
+    """
+    copy = _Copy(Path(folder), os.path.dirname(os.path.abspath(path)), files_of, True)
+    copy.walk(_Tree("", root), os.fspath(path))
+    return tuple(copy.placed.values())
+
+
 class _Copy:
     """One copy of a scene."""
 
@@ -109,7 +119,7 @@ class _Copy:
         self._xml(path, os.path.basename(path))
         for tree in self.trees:
             if tree.changed:
-                tree.content.write(self.folder / tree.name, encoding="utf-8")
+                ElementTree.ElementTree(tree.root).write(self.folder / tree.name, encoding="utf-8")
         return tuple(self.placed.values())
 
     def _xml(self, path: str, written: str) -> str:
@@ -119,11 +129,14 @@ class _Copy:
             return self.placed[real]
         name = self._copied(path, written)
         parser = ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True))
-        tree = _Tree(name, ElementTree.parse(path, parser))
+        self.walk(_Tree(name, ElementTree.parse(path, parser).getroot()), path)
+        return name
+
+    def walk(self, tree: _Tree, path: str) -> None:
+        """Copy what a scene file names."""
         self.trees.append(tree)
-        root = tree.content.getroot()
-        above = {child: parent for parent in root.iter() for child in parent}
-        for element in list(root.iter()):
+        above = {child: parent for parent in tree.root.iter() for child in parent}
+        for element in list(tree.root.iter()):
             if element.tag == "default":
                 key = element.get("name", "")
                 self.defaults.setdefault(key, (tree, element))
@@ -135,7 +148,6 @@ class _Copy:
                 tree.changed = True
             elif isinstance(element.tag, str):
                 self._element(tree, path, element, above.get(element))
-        return name
 
     def _element(self, tree: _Tree, path: str, element: ElementTree.Element,
                  parent: ElementTree.Element | None) -> None:
@@ -229,6 +241,9 @@ class _Copy:
             raise OSError(f"cannot copy {path}: it has {size / 1e9:.3g} GB, and the disk has {free / 1e9:.3g} GB left; "
                           "free some space or choose another disk.")
         target = self.folder / name
+        if target.exists() and not filecmp.cmp(path, target, shallow=False):
+            raise ValueError(f"cannot copy {path} beside the scene: {target} is another file; give the scene another "
+                             "folder.")
         target.parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(path, target)
         self.placed[real] = name
@@ -238,8 +253,8 @@ class _Copy:
 class _Tree:
     """Scene file of a copy."""
 
-    def __init__(self, name: str, content: ElementTree.ElementTree):
-        self.name, self.content, self.changed = name, content, False
+    def __init__(self, name: str, root: ElementTree.Element):
+        self.name, self.root, self.changed = name, root, False
 
 
 def _kept(name: str) -> str:

@@ -3,7 +3,7 @@
 A page begins with 0xFFFFFFFF and the number of bytes that follow. Its header has ``header`` bytes behind the first
 four. Then come the samples of port and of starboard, each with their number before them, 32 bits a sample. Other pages
 (bathymetry, other instruments) are left out. No recorded file was at hand to prove this: the layout is that of two
-public readers, which agree.
+public readers, one of which read made files alike (SDF/SDFX Data Page Definitions Specification, Rev. 4.8).
 """
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ from .record import SIDES, SideChannel, chosen, dataset, known
 START = b"\xff\xff\xff\xff"
 VERSIONS = {3501: "low frequency", 3502: "high frequency"}
 LEAST_HEADER, MOST_PAGE = 412, 100_000_000               # bytes
+MOST_NAMED = 8                     # versions in a sentence
 _FIELDS = {"size": ("<u4", 4), "version": ("<u4", 8), "number": ("<u4", 16), "samples": ("<u4", 20),
            "range": ("<u4", 32), "speed": ("<u4", 36), "sound": ("<u4", 40), "Year": ("<u4", 72), "Month": ("<u4", 76),
            "Day": ("<u4", 80), "Hour": ("<u4", 84), "Minute": ("<u4", 88), "Second": ("<u4", 92),
@@ -44,6 +45,9 @@ def read(path: FilePath, numbers: Sequence[int] | None, frequency: float | None,
                 of_versions.setdefault(version, []).append((page, at))
             else:
                 others[version] += 1
+        if not of_versions:
+            raise ValueError(f"its pages are of the versions {', '.join(map(str, sorted(others)[:MOST_NAMED]))}, and "
+                             "those of the UUV-3500 are read, 3501 and 3502; export it as XTF.")
         channels = [SideChannel(number=2 * list(VERSIONS).index(version) + number, side=side, name=VERSIONS[version],
                                 frequency=float(hertz_from_khz(int(khz))) if (khz := pages[0][0]["khz"]) else None)
                     for version, pages in sorted(of_versions.items()) for number, side in enumerate(SIDES)]

@@ -3,7 +3,7 @@
     run.mcap + scene.xml  ->  twin.xml, twin_track.csv
 
 The first sensor of the scene loses its route and takes the track; its ``offset`` remains, the lever arm from the
-vehicle's reference point. Files that the scene names are looked for in its own folder. If the bag has images of a
+vehicle's reference point. Files that the scene names are copied to the twin's folder. If the bag has images of a
 sonar, the twin pings at their mean rate, from the first to the last.
 """
 from __future__ import annotations
@@ -20,6 +20,7 @@ import numpy as np
 from mitsonar.device.files import FilePath, checked_suffix, replacing_all
 from mitsonar.io.bags import recorded
 from mitsonar.io.scene_files import scenes
+from mitsonar.io.scene_files.portable import bring
 from mitsonar.io.tracks.navigation import Navigation
 from mitsonar.plugins import reference
 from mitsonar.survey.voyage import MOST_PINGS
@@ -51,9 +52,6 @@ def like_bag(bag: FilePath, like: str, scene: FilePath, *, topic: str | None = N
         track = _between(track, pings[0], pings[-1] + 0.5 / rate, 1 / rate)
     table = f"{os.path.splitext(os.fspath(scene))[0]}_track.csv"
     folder = os.path.dirname(os.path.abspath(scene))
-    if os.path.dirname(os.path.abspath(path)) != folder:
-        root.insert(0, ElementTree.Element("path", {"value": os.path.relpath(os.path.dirname(os.path.abspath(path)),
-                                                                             folder)}))
     gone = _route(sensor) - (set() if deep else {"altitude"}) - (set() if rate else {"ping_rate_hz"})
     parameters = {f"${one.get('name')}": one for one in root.iter("default")}
     for child in [child for child in sensor if child.get("name") in gone]:
@@ -62,6 +60,8 @@ def like_bag(bag: FilePath, like: str, scene: FilePath, *, topic: str | None = N
             parameters[value].set("value", str(MOST_PINGS))        # so that -D pings=N still limits them
         else:
             sensor.remove(child)
+    if os.path.dirname(os.path.abspath(path)) != folder:
+        bring(root, path, folder, reference.input_files)
     ElementTree.SubElement(sensor, "string", {"name": "track", "value": os.path.basename(table)})
     if rate:
         ElementTree.SubElement(sensor, "float", {"name": "ping_rate_hz", "value": f"{rate:.6g}"})

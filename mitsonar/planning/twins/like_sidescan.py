@@ -1,6 +1,6 @@
 """Scene after a recorded sidescan line: its track, altitude, sonar, recorder, and a bed of its own strengths.
 
-    line.xtf  ->  scene.xml, scene_track.csv, scene_bed.tif, scene_strength.pfm
+    line.xtf, .jsf, .sdf  ->  scene.xml, scene_track.csv, scene_bed.tif, scene_strength.pfm
 
 Rendered, the scene has the pings, samples and range of the record. What the record does not have, such as the beam
 widths, is that of the preset with the nearest frequency. Clauses at the head of the scene tell what was found, what was
@@ -37,10 +37,11 @@ NOT_THERE = ("objects that stand on the bed or in the water are dark and bright 
 
 
 def like_sidescan(path: FilePath, scene: FilePath, *, cell: float | None = None,     # [m]
-                  pings: slice | None = None, say: Callable[[str], object] | None = None) -> tuple[str, ...]:
+                  pings: slice | None = None, frequency: float | None = None,             # [Hz]
+                  say: Callable[[str], object] | None = None) -> tuple[str, ...]:
     """Write a scene after a recorded sidescan line, and return the paths of all files written."""
     checked_suffix(scene, (".xml",), what="the scene")
-    line = read_line(path, pings)
+    line = read_line(path, pings, frequency)
     name, preset = _preset(line)
     recorder = recorder_of(line, preset["pulse_ms"] / 1e3)
     found = {**preset, "pulse_ms": 1e3 * recorder.pulse_length}

@@ -27,6 +27,7 @@ from mitsonar.io.tracks.navigation import Navigation, course, middle, unrepeated
 from mitsonar.units import deg_from_radians
 
 FEWEST = 2                         # pings of a track
+MOST_SAMPLES = 60_000_000          # half a gigabyte each of counts, outputs and levels
 AGREE = 0.1                        # share by which the sides' first returns may differ
 NEAR, NEAR_SAMPLES = 0.01, 2.0     # share of the altitude, and samples, by which a recorded one may be off
 STEP, WAY_STEP = 0.5, 2.0          # [s] between spline knots: of the altitude, of the track
@@ -76,11 +77,11 @@ class SidescanLine:
         return float(np.hypot(*np.diff(self.place[:, :2], axis=0).T).mean())
 
 
-def read_line(path: FilePath, pings: slice | None = None) -> SidescanLine:
-    """Read the line of a recorded sidescan; `ValueError` if it makes no twin."""
+def read_line(path: FilePath, pings: slice | None = None, frequency: float | None = None) -> SidescanLine:
+    """Read the line of a recorded sidescan, or of its sonar of a frequency [Hz]; `ValueError` if it makes no twin."""
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
-        record = sidescan_lines.read(path, pings=pings)
+        record = sidescan_lines.read(path, pings=pings, frequency=frequency)
     line = line_of(path, record)
     # what is read of several pairs of channels; repeated positions are said by the line
     others = [_named(one, path) for one in said if "channels" in str(one.message)]
@@ -130,6 +131,9 @@ def _check(path, record):
         raise ValueError(f"{path} has {record.sizes['ping']} ping; a track takes two or more.")
     if record.sizes["side"] != 2:
         raise ValueError(f"{path} has only a side to {record['side'].values[0]}; a twin takes a line of both sides.")
+    if record["amplitude"].size > MOST_SAMPLES:
+        raise ValueError(f"{path} has {record['amplitude'].size / 1e6:.0f} million samples; a twin takes at most "
+                         f"{MOST_SAMPLES / 1e6:.0f} million: choose some pings, such as --pings 5000.")
     counts = np.unique(record["samples"].values)
     if counts.size > 1:
         raise ValueError(f"{path} has pings of {counts[0]} to {counts[-1]} samples a side; a twin takes pings of one "
@@ -137,8 +141,8 @@ def _check(path, record):
     if record["amplitude"].dtype.kind not in "iu":
         raise ValueError(f"{path} has samples of {record['amplitude'].dtype}; a twin takes the counts of a recorder, "
                          "which are whole numbers.")
-    if not record["amplitude"].values.any():
-        raise ValueError(f"{path} holds nothing but zeros; choose another line.")
+    if record["amplitude"].values.min() < 0 or not record["amplitude"].values.any():
+        raise ValueError(f"{path} holds nothing but zeros, or samples below 0; a twin takes the counts of a detector.")
 
 
 def _median(values):
@@ -174,10 +178,10 @@ def _navigation(path, record, words):
         if name == "heading" and there.any():
             values = np.where(there, np.unwrap(np.where(there, values, np.interp(time, time[there], values[there]))), 0)
         angles[name] = np.interp(at, time[there], values[there]) if there.sum() > 1 else None
-    depth = angles.pop("sensor_depth")
-    heading = angles.pop("heading")
-    return Navigation(time=at, x=x, y=y, z=None if depth is None else -depth, heading=heading, geographic=geographic,
-                      **{name: np.zeros(at.size) if values is None else values for name, values in angles.items()})
+    depth, nothing = angles["sensor_depth"], np.zeros(at.size)
+    heave, roll, pitch = (nothing if angles[name] is None else angles[name] for name in ("heave", "roll", "pitch"))
+    return Navigation(time=at, x=x, y=y, z=None if depth is None else -depth, heave=heave, roll=roll, pitch=pitch,
+                      heading=angles["heading"], geographic=geographic)
 
 
 def _times(path, stamps, words):

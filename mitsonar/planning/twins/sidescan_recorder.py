@@ -18,7 +18,7 @@ import numpy as np
 from scipy import ndimage
 
 from mitsonar.imaging.picture_statistics import open_bed
-from mitsonar.imaging.recorder import DECAY, Detector
+from mitsonar.imaging.recorder import DECAY, MOST_BITS, Detector
 from mitsonar.imaging.sidescan import mean_intensity, peaks, realisation
 from mitsonar.signal.gates import envelope_steps, pulse_shares, speckle_gates
 from mitsonar.units import db_from_power
@@ -117,7 +117,8 @@ def recorder_of(line: SidescanLine, pulse_length: float) -> FoundRecorder:
     peak, low_pass, pulse_length, glints, amplitude, text = _detector(line, usable, highest, law, pulse_length)
     words += [f"recorder: {bits} bits" + (f" in steps of {step:g}" if step != 1 else "")
               + f", {100 * saturated:.2g} % of samples at the highest count", text]
-    words.append(f"line of the transmission: {line_db:.3g} dB re full scale for {1e3 * length:.2g} ms")
+    words.append(f"line of the transmission: {line_db:.3g} dB re full scale for {1e3 * length:.2g} ms" if length
+                 else "there is no line of the transmission")
     gain_db = _ping_gain_db(output, line.slant_range, line.first[usable], usable)
     words.append(f"pings: {int(lost.sum())} lost, {int(repeated.sum())} repeated, {int(bright.sum())} bright, gains of "
                  f"{gain_db:.2g} dB rms from ping to ping")
@@ -136,7 +137,8 @@ def _bits(counts):
     if not np.array_equal(whole, values):
         raise ValueError("the samples of the record are no whole numbers; a recorder's counts are needed.")
     step = max(int(np.gcd.reduce(whole)), 1)
-    return float(step), max(int(np.ceil(np.log2(whole[-1] / step + 1))), 1)
+    step = max(float(step), whole[-1] / (2 ** MOST_BITS - 1))
+    return step, max(int(np.ceil(np.log2(whole[-1] / step + 1) - 1e-9)), 1)
 
 
 def _faults(counts, first, spacing):

@@ -28,6 +28,7 @@ from ..soundings.instrument import absorption_to_bed, face_pattern_db, two_way_l
 from ..soundings.line import Finding
 from ..soundings.survey import SectorRun, SwathSurvey
 from ..survey import PerSurroundings
+from .beams import Halves
 from .measuring import BeamMeasurement, SwathBeams
 
 WORDS = ("mean intensity over the footprint, less noise; corrected for source level, spreading and absorption along "
@@ -76,6 +77,7 @@ class MultibeamInstrument:
             **{name: np.concatenate([row[name] for row in rows]) for name in rows[0]}}
         if self._survey.strength_writing is not None:
             values.update(_written(self._survey.strength_writing, ping, values, final))
+            del values["window_error_db"]
         if self._snippets:
             values["snippet_rate"] = self._survey.sectors[0].survey.sampling_rate
         if self._column:
@@ -100,15 +102,22 @@ class MultibeamInstrument:
         patterns = self._patterns(run, ping, distance)
         across = np.minimum(distance * widths["receive_width"] / np.maximum(np.cos(incidence), 0.05), 0.5 * bed
                             * widths["pulse_length"] / np.maximum(np.abs(np.sin(incidence)), 1e-3))
-        values = {"backscatter_db": strength_db(made.intensity[mine], source_level_db=survey.source_level_db,
-                                                loss_db=loss, area=area, **patterns),
+        known = {"source_level_db": survey.source_level_db, "loss_db": loss, **patterns}
+        values = {"backscatter_db": strength_db(made.intensity[mine], area=area, **known),
                   "footprint_along": distance * widths["transmit_width"], "footprint_across": across}
         if (writing := self._survey.strength_writing) is not None:
             sloping, level = (ensonified_area(distance, tilted, **widths)
                               for tilted in (incidence, np.pi / 2 - place.grazing))
+            speckle = np.zeros(len(distance))
+            if (window := writing.window) is not None:
+                short = ensonified_area(distance, incidence, stretch=window, **widths)
+                speckle = strength_db(_about(*made.halves[number], made.travel_time[mine], window), area=short,
+                                      **known) - values["backscatter_db"]
+            values["window_error_db"] = speckle
             values["written_error_db"] = writing.errors_db(
                 ping, number, angle=made.angle[mine], distance=distance, area_error_db=db_from_power(sloping / level),
-                absorption_db=mean_absorption(water.absorption, place.source_depth, place.depth))
+                absorption_db=mean_absorption(water.absorption, place.source_depth, place.depth),
+                window_error_db=speckle)
         if self._snippets:
             halves, time = made.halves[number]
             cut = snippets((halves.port, halves.starboard), time=time, detected=made.travel_time[mine],
@@ -164,6 +173,17 @@ class MultibeamInstrument:
         return recorded_levels(PingRecorder(recorder, self._seed, absorption_db=absorption).added(picture)).values[0]
 
 
+def _about(halves: Halves, time: np.ndarray, detected: np.ndarray, window: float) -> np.ndarray:
+    """Return the mean intensities (B,) [µPa²] of beams in a window [s] about detections (B,) [s]; NaN without one."""
+    power, step = np.abs(halves.whole.astype(complex)) ** 2, time[1] - time[0]
+    whole = np.concatenate([np.zeros((len(power), 1)), np.cumsum(power, axis=1)], axis=1)
+    middle = np.where(np.isfinite(detected), (detected - time[0]) / step, 0)
+    begin = np.clip(np.rint(middle - 0.5 * (window / step - 1)).astype(int), 0, len(time) - 1)
+    end = np.clip(begin + max(round(window / step), 1), 1, len(time))
+    rows = np.arange(len(power))
+    return np.where(np.isfinite(detected), (whole[rows, end] - whole[rows, begin]) / (end - begin), np.nan)
+
+
 def _written(writing: StrengthWriting, ping: int, values: Mapping[str, np.ndarray | float],
              final: Located) -> dict[str, np.ndarray | float]:
     """Return the strengths of a ping as the instrument writes them, and what it assumes."""
@@ -176,7 +196,8 @@ def _written(writing: StrengthWriting, ping: int, values: Mapping[str, np.ndarra
         "written_backscatter_db": strength + laws[writing.beam_law], "normal_incidence_db": normal,
         "oblique_incidence_db": oblique, "crossover_angle": writing.crossover, "written_gain_db": writing.gain_db(ping)}
     if "snippet_db" in values:
-        written["written_snippet_db"] = np.asarray(values["snippet_db"]) + (error + laws[writing.image_law])[:, None]
+        written["written_snippet_db"] = np.asarray(values["snippet_db"]) + (
+            error - np.asarray(values["window_error_db"]) + laws[writing.image_law])[:, None]
     return written
 
 

@@ -69,7 +69,7 @@ class S7kFile:
         self._keys = sorted(pings, key=lambda key: (pings[key]["time"], key))
         self._sources = sorted({key[:2] for key in self._keys})
         self._start = pings[self._keys[0]]["time"]
-        first = found.arms.get(self._sources[0])
+        first = self._installation(self._sources[0])
         antenna, mounting, waterline = np.zeros(3), np.zeros(3), 0.0
         if first is not None:
             antenna, mounting, waterline = _arm(first["position"]), _turn(first["motion"]), -float(first["waterline"])
@@ -120,9 +120,15 @@ class S7kFile:
         with open(self._path, "rb") as stream:
             return _speed(at(stream, *self._pings[self._keys[0]][7000]))
 
+    def _installation(self, source):
+        """Return the installation of a sonar, else of another device with its enumerator, else of any; or None."""
+        arms = self._found.arms
+        alike = [one for one in arms if one[1] == source[1]] or list(arms)
+        return arms.get(source, arms[alike[0]] if alike else None)
+
     def _installed(self, source):
         """Return lever arm and mounting of the transmit array, then those of the receive array."""
-        head = self._found.arms.get(source)
+        head = self._installation(source)
         if head is not None and any(np.any(list(head[name].item())) for name in ("transmit", "receive")):
             return _arm(head["transmit"]), _turn(head["transmit"]), _arm(head["receive"]), _turn(head["receive"])
         head = self._found.tilts.get(source)

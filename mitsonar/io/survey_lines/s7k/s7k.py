@@ -11,8 +11,9 @@ from __future__ import annotations
 
 import re
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from datetime import datetime, timezone
+from functools import partial
 
 import numpy as np
 
@@ -27,10 +28,11 @@ from .s7k_records import ATTITUDE, CAST_NODE, DETECTION, FRAME, HEADS, SUMMED
 
 VERSION, OFFSET, GENERIC = 5, 60, 103              # of the format; to a record's header; device of no known model
 RATE = 50_000.0                                    # [Hz] of the sample numbers of detections
+ELLIPSOID, DATUM = 1, 3                            # vertical references of navigation
 AMPLITUDE, PHASE, JUDGED, PASSED = 1, 2, 1 << 2, 3
 ALIKE = 1e-6                                       # [rad] of transmit angles
-HELD = (SOUNDINGS - {"snippet_rate", "snippet_start", "snippet_db", "uncertainty", "horizontal_uncertainty"}
-        ) | SEVERAL_HEADS
+HELD = (SOUNDINGS - {"snippet_rate", "snippet_start", "snippet_db", "uncertainty", "horizontal_uncertainty",
+                     "written_backscatter_db", "written_snippet_db"}) | SEVERAL_HEADS
 
 
 def write(blocks: Blocks, path: FilePath, *, place: Place | None = None, start: str | None = None) -> Written:
@@ -44,8 +46,9 @@ def write(blocks: Blocks, path: FilePath, *, place: Place | None = None, start: 
     with replacing(path) as temporary, open(temporary, "wb") as stream:
         stream.write(b"".join(_opening(line, passage, device)))
         for ping in (ping for block in remaining for ping in pings(line, block)):
+            passage.note(ping)
             while due is not None and due[0] <= ping["since"]:
-                stream.write(due[1])
+                stream.write(due[1]())
                 due = next(waiting, None)
             if not ping["valid"].size:
                 empty += 1
@@ -59,7 +62,7 @@ def write(blocks: Blocks, path: FilePath, *, place: Place | None = None, start: 
                 apart = max(apart, spread)
             number, valid, most = number + 1, valid + int(ping["valid"].sum()), max(most, shots.size)
         while due is not None:
-            stream.write(due[1])
+            stream.write(due[1]())
             due = next(waiting, None)
     return Written(pings=number, soundings=valid, words=line.remarks(
         "s7k", HELD, empty, f"pings of {most} sectors are written as {most} pings" if most > 1 else "",
@@ -95,20 +98,27 @@ def _opening(line: LineToWrite, passage: LinePassage, device: int) -> Iterator[b
                   + nodes.tobytes(), (device, 0))
 
 
-def _sensors(passage: LinePassage, device: int) -> Iterator[tuple[float, bytes]]:
-    """Yield attitude and navigation with their times [s since 1970]."""
-    course = np.arctan2(passage.velocity[:, 1], passage.velocity[:, 0]) % (2 * np.pi)
-    speed, heading = np.hypot(*passage.velocity[:, :2].T), passage.heading % (2 * np.pi)
+def _sensors(passage: LinePassage, device: int) -> Iterator[tuple[float, Callable[[], bytes]]]:
+    """Yield times [s since 1970] of the motion, and what makes attitude and navigation then."""
     for index, since in enumerate(passage.time):
-        sample = np.zeros(1, ATTITUDE)
-        for name, values in (("roll", passage.roll), ("pitch", passage.pitch), ("heave", passage.heave),
-                             ("heading", heading)):
-            sample[name] = values[index]
-        place = _head(1015, vertical=2, latitude=np.radians(passage.latitude[index]), course=course[index],
-                      longitude=np.radians(passage.longitude[index]), height=-passage.depth[index],
-                      speed=speed[index], heading=heading[index])
-        yield float(since), _record(1016, since, _head(1016, entries=1) + sample.tobytes(), (device, 0)) + _record(
-            1015, since, place, (device, 0))
+        yield float(since), partial(_moment, passage, device, index)
+
+
+def _moment(passage: LinePassage, device: int, index: int) -> bytes:
+    """Return attitude and navigation at a sample of the motion."""
+    since, heading = float(passage.time[index]), passage.heading[index] % (2 * np.pi)
+    sample, (north, east, _) = np.zeros(1, ATTITUDE), passage.velocity[index]
+    for name, value in (("roll", passage.roll[index]), ("pitch", passage.pitch[index]), ("heading", heading),
+                        ("heave", passage.heave(slice(index, index + 1))[0])):
+        sample[name] = value
+    height = float(passage.height(slice(index, index + 1))[0])
+    over = {"vertical": ELLIPSOID, "height": height} if np.isfinite(height) else {
+        "vertical": DATUM, "height": -passage.depth[index]}
+    place = _head(1015, **over, latitude=np.radians(passage.latitude[index]), heading=heading,
+                  longitude=np.radians(passage.longitude[index]), speed=np.hypot(north, east),
+                  course=np.arctan2(east, north) % (2 * np.pi))
+    return _record(1016, since, _head(1016, entries=1) + sample.tobytes(), (device, 0)) + _record(
+        1015, since, place, (device, 0))
 
 
 def _soundings(ping: Ping, number: int, shot: int, several: bool, device: int) -> tuple[bytes, float]:

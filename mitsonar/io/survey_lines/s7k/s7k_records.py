@@ -64,6 +64,7 @@ CTD_NODE = np.dtype([("salinity", "<f4"), ("temperature", "<f4"), ("depth", "<f4
 ATTITUDE = np.dtype([("time", "<u2"), ("roll", "<f4"), ("pitch", "<f4"), ("heave", "<f4"), ("heading", "<f4")])
 DETECTION = [("beam", "<u2"), ("sample", "<f4"), ("angle", "<f4"), ("flags", "<u4"), ("quality", "<u4"),
              ("uncertainty", "<f4"), ("intensity", "<f4"), ("least", "<f4"), ("largest", "<f4")]
+GROWN = (7000, 7503)               # records that have grown from version to version
 NEEDED = 5                         # fields of a detection that every version has, two bytes and then four bytes each
 
 
@@ -89,6 +90,12 @@ class S7kRecord:
         """Device and enumerator, which differ between receiving heads."""
         return int(self.frame["device"]), int(self.frame["enumerator"])
 
+    @property
+    def summed(self) -> bool:
+        """True if the checksum is right."""
+        total = int(np.frombuffer(self.raw, np.uint8)[:-END].sum(dtype=np.uint32))
+        return total == int.from_bytes(self.raw[-END:], "little")
+
     @cached_property
     def time(self) -> float:
         """Seconds since 1970, UTC."""
@@ -102,22 +109,33 @@ class S7kRecord:
 
     @cached_property
     def head(self) -> Any:
-        """Fields before the table, by name."""
-        return self.table(HEADS[self.kind], 1, 0)[0]
+        """Fields before the table, by name; 0 for those that a version of the settings does not have yet."""
+        layout = HEADS[self.kind]
+        if self.kind in GROWN and (lacking := layout.itemsize - self._end + int(self.frame["offset"]) + 4) > 0:
+            known = self.table(np.dtype(np.uint8), layout.itemsize - lacking, 0) if lacking < layout.itemsize else b""
+            return np.frombuffer(bytes(known).ljust(layout.itemsize, b"\0"), layout, 1)[0]
+        return self.table(layout, 1, 0)[0]
+
+    @property
+    def _end(self) -> int:
+        """Byte after the last one of the table."""
+        return min(int(self.frame["optional"]) or len(self.raw), len(self.raw) - END)
 
     def table(self, layout: np.dtype, count: int, start: int | None = None) -> np.ndarray:
         """Return a table of ``count`` rows at a byte after the frame, by default after the head."""
         start = int(self.frame["offset"]) + 4 + (HEADS[self.kind].itemsize if start is None else start)
-        end = int(self.frame["optional"]) or len(self.raw) - END
-        if start + count * layout.itemsize > min(end, len(self.raw) - END):
+        if start + count * layout.itemsize > self._end:
             raise ValueError(f"its record {self.kind} at byte {self.offset} is too short for its {count} entries; "
                              "it is damaged.")
         return np.frombuffer(self.raw, layout, count, start)
 
 
 def records(stream: BinaryIO, kinds: Container[int], passed: set[int]) -> Iterator[S7kRecord]:
-    """Yield the records of some kinds; the numbers of the other kinds are added to ``passed``."""
-    size, offset = os.fstat(stream.fileno()).st_size, 0
+    """Yield the records of some kinds; the numbers of the other kinds are added to ``passed``.
+
+    Programs exist that state checksums and do not keep them. They are checked if that of the first record is right.
+    """
+    size, offset, kept = os.fstat(stream.fileno()).st_size, 0, None
     while offset < size:
         stream.seek(offset)
         head = stream.read(FRAME.itemsize)
@@ -131,7 +149,13 @@ def records(stream: BinaryIO, kinds: Container[int], passed: set[int]) -> Iterat
             raise ValueError(f"it is cut: its last record, at byte {offset}, has {size - offset} of {length} bytes; "
                              "copy the file again.")
         if int(frame["kind"]) in kinds:
-            yield at(stream, offset, length)
+            record = at(stream, offset, length)
+            if int(frame["flags"]) & SUMMED and kept is not False:
+                right = record.summed
+                if kept and not right:
+                    raise ValueError(f"its record {record.kind} at byte {offset} is damaged: its checksum is wrong.")
+                kept = right
+            yield record
         else:
             passed.add(int(frame["kind"]))
         offset += length
@@ -140,9 +164,4 @@ def records(stream: BinaryIO, kinds: Container[int], passed: set[int]) -> Iterat
 def at(stream: BinaryIO, offset: int, length: int) -> S7kRecord:
     """Read one record of a checked length [bytes]."""
     stream.seek(offset)
-    record = S7kRecord(offset=offset, raw=stream.read(length))
-    if int(record.frame["flags"]) & SUMMED:
-        stated = int.from_bytes(record.raw[-END:], "little")
-        if stated != int(np.frombuffer(record.raw, np.uint8)[:-END].sum(dtype=np.uint32)):
-            raise ValueError(f"its record {record.kind} at byte {offset} is damaged: its checksum is wrong.")
-    return record
+    return S7kRecord(offset=offset, raw=stream.read(length))
