@@ -25,7 +25,7 @@ def compare_soundings(real: xr.Dataset, simulated: xr.Dataset, names: tuple[str,
         check(line, name)
     real, simulated = as_written(real), as_written(simulated)
     pairs = paired(real, simulated)
-    kept = [line.isel(ping=np.unique(pings)) for line, pings in (
+    kept = [_as_written(line.isel(ping=np.unique(pings))) for line, pings in (
         (real, pairs.real), (simulated, pairs.simulated))]
     angles = [np.where(line["valid"].values, vertical_angle(line), np.nan) for line in kept]
     bins = AngleBins.of(angles[0])
@@ -44,6 +44,12 @@ def compare_soundings(real: xr.Dataset, simulated: xr.Dataset, names: tuple[str,
     return comparison(values, SOUNDINGS, {"line": ["real", "simulated"], "angle": middle},
                       {"of": "soundings", "real": names[0], "simulated": names[1], "pings": int(pairs.real.size),
                        "paired_by": pairs.by, "remarks": remarks})
+
+
+def _as_written(line: xr.Dataset) -> xr.Dataset:
+    """Return a line with the strengths that its instrument writes, where a simulated one has both kinds."""
+    written = line.get("written_backscatter_db")
+    return line if written is None else line.assign(backscatter_db=written)
 
 
 def _pairs_words(pairs: PairedPings) -> str:

@@ -209,10 +209,9 @@ def _strengths(soundings: xr.Dataset) -> tuple[np.ndarray, np.ndarray] | None:
     usable = np.isfinite(level) & np.isfinite(grazing)
     rows = []
     for angle, widths in ANGLES:
-        near = next((within for width in widths
-                     if (within := usable & (np.abs(grazing - angle) <= width)).sum() >= FEWEST), None)
-        if near is not None:
-            rows.append((angle, db_from_power(float(np.mean(power_from_db(level[near]))))))
+        near = (usable & (np.abs(grazing - angle) <= width) for width in widths)
+        if (some := next((part for part in near if part.sum() >= FEWEST), None)) is not None:
+            rows.append((angle, db_from_power(float(np.mean(power_from_db(level[some]))))))
     if len(rows) < 3:
         return None
     angles, strengths = np.array(rows).T

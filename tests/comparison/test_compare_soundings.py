@@ -57,6 +57,8 @@ def test_known_biases_are_given_back(line):
     assert np.median(strength) == pytest.approx(2, abs=1e-5)
     assert strength == pytest.approx(2, abs=0.4)                      # at the hole, bins have lost soundings
     assert np.abs(known(found, "strength_shape")).max() < 0.4
+    writes = line.assign(written_backscatter_db=line["backscatter_db"] + 3)      # as the instrument's file would
+    assert known(mitsonar.compare(line, writes), "strength_difference") == pytest.approx(3, abs=1e-4)
     silent = np.degrees(found["angle"].values[found["silent"].values > 0])
     assert silent.min() == pytest.approx(22, abs=5) and silent.max() > 55         # the third sector's angles
     assert "no sounding in" in repr(found)
