@@ -207,9 +207,10 @@ def _strengths(soundings: xr.Dataset) -> tuple[np.ndarray, np.ndarray] | None:
         return None
     level, grazing = soundings["backscatter_db"].values, _grazing(soundings)
     usable = np.isfinite(level) & np.isfinite(grazing)
-    rows = [(angle, db_from_power(float(np.mean(power_from_db(level[near]))))) for angle, widths in ANGLES if (near := next((
-        within for width in widths if (within := usable & (np.abs(grazing - angle) <= width)).sum() >= FEWEST), None)
-        ) is not None]
+    rows = [(angle, db_from_power(float(np.mean(power_from_db(level[near]))))) for angle, widths in ANGLES
+            if (near := next((within for width in widths
+                              if (within := usable & (np.abs(grazing - angle) <= width)).sum() >= FEWEST), None)
+                ) is not None]
     if len(rows) < 3:
         return None
     angles, strengths = np.array(rows).T
