@@ -22,7 +22,7 @@ def script(folder, capfd):
 @pytest.mark.skipif(shutil.which("bash") is None, reason="no bash here")
 @pytest.mark.parametrize("typed, offered", [
     (["mitsonar", "ren"], ["render"]),
-    (["mitsonar", "s"], ["scenes", "show", "signals", "soundings", "sweep"]),
+    (["mitsonar", "s"], ["scenes", "shards", "show", "signals", "soundings", "sweep"]),
     (["mitsonar", "render", "sidescan_f"], ["sidescan_flat"]),
     (["mitsonar", "render", "sce"], ["scene.xml"]),
     (["mitsonar", "describe", "published"], ["published_figure_2", "published_figure_3"]),
