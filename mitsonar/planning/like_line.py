@@ -251,7 +251,7 @@ def _pattern(soundings: xr.Dataset, settings: Settings, angles: np.ndarray,
     level, vertical, sector = soundings["backscatter_db"].values, _vertical(soundings), soundings["sector"].values
     rest = level - np.interp(_grazing(soundings), angles, strengths)
     usable = np.isfinite(rest) & soundings["valid"].values
-    rows = [(k, middle, db_from_power(np.mean(power_from_db(rest[near]))))
+    rows = [(k, middle, db_from_power(float(np.mean(power_from_db(rest[near])))))
             for k, number in enumerate(settings.sectors) for middle in np.arange(-87.5, 90.0, PATTERN_STEP)
             if (near := usable & (sector == number) & (np.abs(vertical - middle) <= PATTERN_STEP / 2)).sum() >= FEWEST]
     if not rows or np.abs(np.array(rows)[:, 2]).max() < LEAST_PATTERN:
