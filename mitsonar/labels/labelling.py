@@ -56,7 +56,7 @@ class LabelledTile:
 
 def labelled(record: xr.Dataset, name: FilePath, rules: Labels) -> tuple[list[LabelFrame], Iterator[LabelledTile]]:
     """Return the frames of a record and its labelled pictures; `name` is for errors."""
-    check_labelled(record, name)
+    check_labelled(record, str(name))
     pictures = frames(record, name, rules.form, rules.cell)
     return pictures, _tiles(record, pictures, rules)
 

@@ -84,7 +84,8 @@ def _members(record, tile: LabelledTile, name: str, rules: SampleRules, numbers:
         yield "txt", "".join(lines).encode()
     if rules.arrays:
         held = io.BytesIO()
-        np.savez_compressed(held, **_arrays(record, tile, rules.arrays))
+        laid: dict[str, Any] = _arrays(record, tile, rules.arrays)
+        np.savez_compressed(held, **laid)
         yield "npz", held.getvalue()
     entries = [{key: value for key, value in coco.entry(piece, number, 0, numbers).items() if key != "image_id"}
                | {"category": piece.category} for number, piece in enumerate(tile.pieces, 1)] * rules.labels.coco
