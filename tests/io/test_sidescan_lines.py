@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from flipped_bits import COPIES, refusals
 from synthetic_sidescan import sidescan
 
 import mitsonar
@@ -171,22 +172,10 @@ def test_cut_and_broken_files_are_refused_in_one_sentence(line, change, words, t
     assert "\n" not in str(caught.value)
 
 
-def test_flipped_bits_end_in_a_record_or_a_sentence(line, tmp_path):
-    raw, rng = line[0].read_bytes(), np.random.default_rng(3)
-    bad, refused = tmp_path / "bad.xtf", 0
-    for _ in range(200):
-        content = bytearray(raw)
-        for at in rng.integers(0, len(raw), 40):
-            content[at] ^= 1 << int(rng.integers(8))
-        for at in rng.integers(0, 1700, 4):                # most of a file is samples; its headers are here
-            content[at] ^= 1 << int(rng.integers(8))
-        bad.write_bytes(content)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)
-            warnings.simplefilter("error", RuntimeWarning)
-            try:
-                sidescan_lines.as_image(sidescan_lines.read(bad))
-            except ValueError as error:
-                assert str(error).startswith("cannot read the sidescan record") and "\n" not in str(error)
-                refused += 1
-    assert 10 < refused < 200
+def test_flipped_bits_end_in_a_record_or_a_sentence(line):
+    rng = np.random.default_rng(3)
+    # most of a file is samples; its headers are in the first 1700 bytes
+    refused = refusals(line[0], lambda bad: sidescan_lines.as_image(sidescan_lines.read(bad)),
+                       "cannot read the sidescan record",
+                       lambda size: [*rng.integers(0, size, 40), *rng.integers(0, 1700, 4)], rng)
+    assert 10 < refused < COPIES

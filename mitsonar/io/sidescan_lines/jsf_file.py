@@ -15,13 +15,12 @@ from dataclasses import replace
 import numpy as np
 import xarray as xr
 
-from mitsonar.device.earth import system
 from mitsonar.device.files import FilePath, replacing
 from mitsonar.imaging.gain import Tvg
 
-from ..xtf.pings import XtfPassage, clock, passage_of
+from ..xtf.pings import XtfPassage, clock
 from ..xtf.samples import FULL
-from ..xtf.xtf import BLOCK_BYTES, Channels, XtfWritten, channels_of, check, check_same_track
+from ..xtf.xtf import BLOCK_BYTES, Channels, XtfWritten, channels_of, on_one_track
 from . import jsf_messages as jsf
 from .record import SIDES
 
@@ -57,16 +56,7 @@ def write(records: xr.Dataset | Sequence[xr.Dataset], path: FilePath, *, tvg: Tv
     --------
     ``mitsonar.io.sidescan_lines.jsf_file.write(mitsonar.read("swath.exr"), "swath.jsf")``
     """
-    lines = [records] if isinstance(records, xr.Dataset) else list(records)
-    for line in lines:
-        check(line)
-    lines.sort(key=lambda line: float(line.attrs["frequency"]))
-    check_same_track(lines)
-    known = system(lines[0].attrs) is not None
-    if geographic and not known:
-        raise ValueError("the record names no coordinate system, so its positions have no degrees; write metres, or "
-                         "say the bathymetry's crs in the scene.")
-    passage = passage_of(lines[0], start, known if geographic is None else geographic)
+    lines, passage = on_one_track(records, start, geographic)
     if passage.time[-1] > LATEST:
         raise ValueError("the last ping is after January 2038, and JSF holds no later times; give another start.")
     channels = [_of_15_bits(channels_of(line, tvg)) for line in lines]

@@ -95,6 +95,21 @@ DEGREES, METRES = 3, 0             # NavUnits
 NOTES = 1                          # type of packet
 
 
+def on_one_track(records: xr.Dataset | Sequence[xr.Dataset], start: float,
+                 geographic: bool | None) -> tuple[list[xr.Dataset], XtfPassage]:
+    """Return the records of a track by frequency, checked, and their passage; ``geographic`` as in `write`."""
+    lines = [records] if isinstance(records, xr.Dataset) else list(records)
+    for line in lines:
+        check(line)
+    lines.sort(key=lambda line: float(line.attrs["frequency"]))
+    check_same_track(lines)
+    known = system(lines[0].attrs) is not None
+    if geographic and not known:
+        raise ValueError("the record names no coordinate system, so its positions have no degrees; write metres, or "
+                         "say the bathymetry's crs in the scene.")
+    return lines, passage_of(lines[0], start, known if geographic is None else geographic)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Channels:
     """The two channels of a record: ranges of their samples, and their scale."""
@@ -247,16 +262,7 @@ def write(records: xr.Dataset | Sequence[xr.Dataset], path: FilePath, *, tvg: Tv
     --------
     ``mitsonar.io.xtf.xtf.write(mitsonar.read("swath.exr"), "swath.xtf")``
     """
-    lines = [records] if isinstance(records, xr.Dataset) else list(records)
-    for line in lines:
-        check(line)
-    lines.sort(key=lambda line: float(line.attrs["frequency"]))
-    check_same_track(lines)
-    known = system(lines[0].attrs) is not None
-    if geographic and not known:
-        raise ValueError("the record names no coordinate system, so its positions have no degrees; write metres, or "
-                         "say the bathymetry's crs in the scene.")
-    passage = passage_of(lines[0], start, known if geographic is None else geographic)
+    lines, passage = on_one_track(records, start, geographic)
     channels = [channels_of(line, tvg) for line in lines]
     length = _padded(256 + sum(2 * (64 + 2 * each.count) for each in channels))
     total = 1024 + (BEFORE_PING + length) * passage.time.size
