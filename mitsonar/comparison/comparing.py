@@ -49,8 +49,9 @@ def compare(real: Record, simulated: Record, *, seed: int = 0) -> LineComparison
 
     Notes
     -----
-    Pings of soundings are paired by time, or by place if the lines have no common time; sidescans are compared as a
-    whole. Spreads are of the median absolute deviation, so that outliers do not change them.
+    Pings of soundings are paired by time, or by place if the lines have no common time; of sidescans the pings of the
+    time that both cover are compared as a whole. Spreads are of the median absolute deviation, so that outliers do not
+    change them.
     """
     one = _opened(real)
     other = _of_scene(simulated, one, seed) if _is_scene(simulated) else _opened(simulated)

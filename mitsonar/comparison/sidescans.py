@@ -22,6 +22,8 @@ from .sidescan_amplitudes import (
 
 KINDS: dict[str, Callable[[SidescanAmplitudes], ClueItems]] = {"patches of bed": bed_items, "runs of pings": run_items}
 DISTANCES = 200                    # of the mean over range
+DATED = 1e8                        # [s] above which times count from 1970
+SLACK = 0.05                       # [s] between the clocks of two records of one line
 ROWS, COLUMNS = 480, 800           # most pixels of a picture
 STATISTICS: dict[str, Callable[[PictureStatistics], float]] = {
     "coefficient of variation": lambda one: one.variation,
@@ -43,13 +45,14 @@ STATISTICS: dict[str, Callable[[PictureStatistics], float]] = {
 
 def compare_sidescans(real: xr.Dataset, simulated: xr.Dataset, names: tuple[str, str]) -> LineComparison:
     """Return the comparison of two sidescans; raise `ValueError` if they are too short or lack a side."""
+    real, simulated, remarks = _of_one_time(real, simulated)
     lines = amplitudes_of(real, names[0]), amplitudes_of(simulated, names[1])
     for line in lines:
         if min(line.sides[0].shape) < 2:
             raise ValueError(f"{line.name} has {line.sides[0].shape[0]} ping of {line.sides[0].shape[1]} samples; a "
                              "comparison takes two or more.")
-    remarks = [f"{name}: {line.about.partition(';')[0]}, {' pings of '.join(map(str, line.sides[0].shape))} samples of "
-               f"{100 * line.spacing:.3g} cm" for name, line in zip(("real", "simulated"), lines)]
+    remarks += [f"{name}: {line.about.partition(';')[0]}, {' pings of '.join(map(str, line.sides[0].shape))} samples "
+                f"of {100 * line.spacing:.3g} cm" for name, line in zip(("real", "simulated"), lines)]
     values, coords = _clues(lines, remarks)
     reach = min(line.sides[0].shape[1] * line.spacing for line in lines)
     distance = (np.arange(DISTANCES) + 0.5) * reach / DISTANCES
@@ -62,6 +65,20 @@ def compare_sidescans(real: xr.Dataset, simulated: xr.Dataset, names: tuple[str,
                           {"units": "m", "long_name": "slant range, port negative"})}
     return comparison(values, SIDESCANS, coords, {"of": "sidescan", "real": names[0], "simulated": names[1],
                                                   "remarks": remarks})
+
+
+def _of_one_time(real, simulated):
+    """Return the pings of each record within the time that both cover, and remarks; all pings without common times."""
+    lines, remarks = [real, simulated], []
+    times = [line["ping_time"].values if "ping_time" in line else np.zeros(1) for line in lines]
+    if min(time[0] for time in times) > DATED:
+        first, last = max(time[0] for time in times) - SLACK, min(time[-1] for time in times) + SLACK
+        within = [(time >= first) & (time <= last) for time in times]
+        if min(some.sum() for some in within) > 1:
+            remarks = [f"{some.sum()} of {some.size} {name} pings are of the time that both records cover"
+                       for some, name in zip(within, ("real", "simulated")) if not some.all()]
+            lines = [line.isel(ping=some) for line, some in zip(lines, within)]
+    return *lines, remarks
 
 
 def _clues(lines, remarks):

@@ -45,6 +45,17 @@ def test_a_sidescan_is_no_different_from_itself(real):
         assert np.array_equal(*found[name].values, equal_nan=True), name
 
 
+def test_pings_of_the_same_time_are_compared(real):
+    times = 1.7e9 + 0.1 * np.arange(256)
+    dated = real.assign_coords(ping_time=("ping", times))
+    part = dated.isel(ping=slice(64, 192))
+    found = mitsonar.compare(dated, part)
+    assert found.attrs["remarks"][0] == "128 of 256 real pings are of the time that both records cover"
+    assert np.array_equal(*found["picture"].values)
+    found = mitsonar.compare(dated, part.assign_coords(ping_time=part["ping_time"] + 1e6))       # no common time: all
+    assert "256 pings of 320 samples" in found.attrs["remarks"][0]
+
+
 def test_a_low_pass_is_given_back_and_gain_is_none(real):
     found = mitsonar.compare(real, line(k=0, seed=5, gain=2))
     clue = found.isel(clue=list(found["clue"].values).index(R1))
