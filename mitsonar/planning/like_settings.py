@@ -35,11 +35,13 @@ class Settings:
 
 
 def settings_of(soundings: xr.Dataset, presets: Mapping[str, Mapping[str, Any]]) -> Settings:
-    """Return the settings of the most frequent mode of a line; a mode is a set of sector frequencies.
+    """Return the settings of the mode with most soundings of a line; a mode is a set of sector frequencies.
 
     Two tilted heads become one level head between them with the swath of both.
     """
-    modes = Counter(_mode(soundings, ping) for ping in np.flatnonzero(soundings["valid"].values.any(1)))
+    modes = Counter[tuple]()
+    for ping, count in enumerate(soundings["valid"].values.sum(1)):
+        modes.update({_mode(soundings, ping): int(count)} if count else {})
     mode = modes.most_common(1)[0][0] if modes else ()
     numbers = [ping for ping in range(soundings.sizes["ping"])
                if soundings["valid"].values[ping].any() and _mode(soundings, ping) == mode]
@@ -114,8 +116,8 @@ def _words_on(modes, swaths, mountings):
     elif others:
         left = "; ".join(_kilohertz(other) for other, _ in others)
         yield (f"the line has pings of {1 + len(others)} modes; the scene takes the mode of {count} of {modes.total()} "
-               f"pings, {_kilohertz(mode)}, and leaves out {left}; the bed uses all pings, its strengths those of this "
-               "mode")
+               f"soundings, {_kilohertz(mode)}, and leaves out {left}; the bed uses all pings, its strengths those of "
+               "this mode")
     if len(mountings) > 1:
         turned = " and ".join(f"{angle:.1f}" for angle in deg_from_radians(mountings[:, 0]))
         yield (f"{len(mountings)} receive arrays, rolled by {turned} degrees, became one level array between them "

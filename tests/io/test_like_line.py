@@ -183,7 +183,7 @@ def test_what_the_scene_leaves_out_is_said(tmp_path):
     frequency[3:5] += 50e3
     frequency[5] -= 90e3
     words = made_like(tmp_path, line.assign(sector_frequency=line["sector_frequency"].copy(data=frequency)))[0]
-    assert ("pings of 3 modes; the scene takes the mode of 3 of 6 pings, 300/320/290 kHz, and leaves out "
+    assert ("pings of 3 modes; the scene takes the mode of 91 of 184 soundings, 300/320/290 kHz, and leaves out "
             "350/370/340 kHz; 210/230/200 kHz") in words
     assert "settings of the run" in words and "extra detections" not in words
     arms = np.stack([line["receive_offset"].values] * 2)

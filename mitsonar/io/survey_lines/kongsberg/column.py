@@ -1,9 +1,10 @@
 """Write #MWC, the water column of a ping in KMALL: samples in steps of half a decibel, beam after beam.
 
-    level = value / 2 - offset      value -128 to 127; one offset a file, set by the loudest sample of its first ping
+    level + 2 a R = value / 2 - offset      value -128 to 127; one offset a file, set by the first ping's loudest sample
 
-No gain over range is applied (0 log R). The time of a beam's first sample after the transmission of its sector is its
-number over the sampling rate, so that starts are rounded to half a sample.
+a is the absorption of the beam's sector, which the format's gain always holds; its X log R is 0 log R. The time of a
+beam's first sample after the transmission of its sector is its number over the sampling rate, so that starts are
+rounded to half a sample.
 """
 from __future__ import annotations
 
@@ -37,10 +38,16 @@ class KongsbergColumn:
 
 def offset_of(ping: Ping) -> int | None:
     """Return the offset [dB] that suits a ping's water column, or None if it has no sample."""
-    level = ping.get("column_level_db")
-    if level is None or not np.isfinite(level).any():
+    if ping.get("column_level_db") is None or not np.isfinite(level := _gained(ping)).any():
         return None
     return int(np.clip(np.rint(TOP - float(level[np.isfinite(level)].max())), -128, 127))
+
+
+def _gained(ping: Ping) -> np.ndarray:
+    """Return the levels (W, sample) [dB] with the gain against absorption."""
+    level, absorption = ping["column_level_db"], ping["sector_absorption_db"][ping["column_sector"]]
+    time = ping["column_start"][:, None] + (np.arange(level.shape[1]) + 0.5) / ping["column_rate"][:, None]
+    return level + absorption[:, None] * float(ping["head_sound_speed"]) * time          # R = c t / 2
 
 
 def column_of(line: LineToWrite, ping: Ping, offset: int | None) -> KongsbergColumn | None:
@@ -48,7 +55,7 @@ def column_of(line: LineToWrite, ping: Ping, offset: int | None) -> KongsbergCol
     if offset is None or not np.isfinite(ping["column_level_db"]).any():
         return None
     formed = np.isfinite(ping["column_angle"])
-    angle, level, rates = ping["column_angle"][formed], ping["column_level_db"][formed], ping["column_rate"][formed]
+    angle, level, rates = ping["column_angle"][formed], _gained(ping)[formed], ping["column_rate"][formed]
     if rates.size and not np.allclose(rates, rates[0], rtol=1e-6):
         raise ValueError(f"beams of the water column have rates from {rates.min():g} to {rates.max():g} Hz, but "
                          "KMALL has one a ping; write a .nc, or keep no water column.")
