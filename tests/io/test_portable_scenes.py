@@ -129,7 +129,7 @@ def test_links_out_devices_pipes_and_missing_files_are_refused(files_of, survey,
     os.mkfifo(tmp_path / "survey/pipe.csv")
     for name, outside, error, words in (
             ("link.csv", False, ValueError, "outside its folder"),
-            ("../../../../../etc/passwd", False, ValueError, "outside its folder"),
+            (f"{'../' * 20}etc/passwd", False, ValueError, "outside its folder"),
             ("/dev/zero", True, ValueError, "a device or a pipe"), ("pipe.csv", True, ValueError, "a device or a pipe"),
             ("/proc/self/maps", True, ValueError, "a file of the kernel"),
             ("no.csv", True, FileNotFoundError, "names 'no.csv', which is not there")):
