@@ -24,8 +24,9 @@ from .words import announce
 def add(commands: Commands) -> None:
     """Add the commands to the parser's."""
     plot = commands.add_parser("plot", help="draw an image, a line of soundings or a fit's answer")
-    add_file(plot, "image", metavar="IN.exr|nc|kmall|all|gsf|s7k|xtf|hsx",
-             help="an image, a line of soundings or a fit's answer")
+    add_file(plot, "image", metavar="IN.exr|nc|kmall|all|gsf|s7k|xtf|hsx|jsf|sdf|raw",
+             help="an image, a line of soundings, a recorded sidescan, an echo sounder's .raw file, a comparison, or a "
+                  "fit's answer")
     plot.add_argument("--what", metavar="VIEW",
                       help="view of an image: waterfall (default), objects, ping, mean, labels, class, share, hidden, "
                            "shadow, layover, depth or rays, of an interferometric sidescan also phase, coherence, "
@@ -71,7 +72,8 @@ def add(commands: Commands) -> None:
 
     compare = commands.add_parser("compare", help="compare a real record with a simulated one of the same line")
     add_file(compare, "real", metavar="REAL",
-             help="line of soundings (.all, .kmall, .gsf, .nc), or a recorded sidescan (.xtf)")
+             help="line of soundings (.all, .kmall, .gsf, .s7k, .xtf, .hsx, .nc), or a recorded sidescan (.xtf, .jsf, "
+                  ".sdf)")
     add_file(compare, "simulated", metavar="SIMULATED",
              help="soundings or image of a scene that `like` made, or the scene itself (.xml), which is sounded or "
                   "rendered first")
