@@ -145,10 +145,10 @@ def _plot_only(arguments, what, holds, figure):
 def _opened(path):
     """Open an EXR, a line of an instrument, or a netCDF file, whose water column may be larger than memory."""
     from mitsonar.io.reading import is_netcdf
-    from mitsonar.io.records import exr, netcdf
+    from mitsonar.io.records import netcdf
 
     if not is_netcdf(path):
-        yield _instruments_line(path) or exr.read(path)
+        yield _instruments_line(path) or _image(path)
         return
     import xarray as xr
 
@@ -159,6 +159,19 @@ def _opened(path):
             raise ValueError(f"{path} holds raw echoes, and plots are of images and soundings; focus them by `mitsonar "
                              "focus` first.")
         yield record
+
+
+def _image(path):
+    """Return the image of an EXR."""
+    from mitsonar.device.files import EXR
+    from mitsonar.io.records import exr
+
+    if os.path.isfile(path):
+        with open(path, "rb") as stream:
+            if (head := stream.read(len(EXR))) and head != EXR:
+                raise ValueError(f"cannot read {path}: it is no EXR, no netCDF, and no line of a sounder or a "
+                                 "sidescan; give one of these.")
+    return exr.read(path)
 
 
 def _instruments_line(path):
