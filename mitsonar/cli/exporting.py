@@ -132,7 +132,7 @@ def _convert(arguments):
     from mitsonar.io.records import hdf5
 
     suffix = check_output(arguments.output, (*SIDESCANS, *RECORDS, *reading.GEOTIFF, *hdf5.SUFFIXES),
-                          ". Lines of soundings are converted by `mitsonar soundings`.")
+                          "; lines of soundings are converted by `mitsonar soundings`")
     if suffix in SIDESCANS:
         _write_sidescan(arguments, SIDESCANS[suffix])
         return

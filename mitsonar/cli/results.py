@@ -24,8 +24,9 @@ from .words import announce
 def add(commands: Commands) -> None:
     """Add the commands to the parser's."""
     plot = commands.add_parser("plot", help="draw an image, a line of soundings or a fit's answer")
-    add_file(plot, "image", metavar="IN.exr|nc|kmall|all|gsf|s7k|xtf|hsx",
-             help="an image, a line of soundings or a fit's answer")
+    add_file(plot, "image", metavar="IN.exr|nc|kmall|all|gsf|s7k|xtf|hsx|jsf|sdf|raw",
+             help="an image, a line of soundings, a recorded sidescan, an echo sounder's .raw file, a comparison, or a "
+                  "fit's answer")
     plot.add_argument("--what", metavar="VIEW",
                       help="view of an image: waterfall (default), objects, ping, mean, labels, class, share, hidden, "
                            "shadow, layover, depth or rays, of an interferometric sidescan also phase, coherence, "
@@ -71,7 +72,8 @@ def add(commands: Commands) -> None:
 
     compare = commands.add_parser("compare", help="compare a real record with a simulated one of the same line")
     add_file(compare, "real", metavar="REAL",
-             help="line of soundings (.all, .kmall, .gsf, .nc), or a recorded sidescan (.xtf)")
+             help="line of soundings (.all, .kmall, .gsf, .s7k, .xtf, .hsx, .nc), or a recorded sidescan (.xtf, .jsf, "
+                  ".sdf)")
     add_file(compare, "simulated", metavar="SIMULATED",
              help="soundings or image of a scene that `like` made, or the scene itself (.xml), which is sounded or "
                   "rendered first")
@@ -143,10 +145,10 @@ def _plot_only(arguments, what, holds, figure):
 def _opened(path):
     """Open an EXR, a line of an instrument, or a netCDF file, whose water column may be larger than memory."""
     from mitsonar.io.reading import is_netcdf
-    from mitsonar.io.records import exr, netcdf
+    from mitsonar.io.records import netcdf
 
     if not is_netcdf(path):
-        yield _instruments_line(path) or exr.read(path)
+        yield _instruments_line(path) or _image(path)
         return
     import xarray as xr
 
@@ -157,6 +159,19 @@ def _opened(path):
             raise ValueError(f"{path} holds raw echoes, and plots are of images and soundings; focus them by `mitsonar "
                              "focus` first.")
         yield record
+
+
+def _image(path):
+    """Return the image of an EXR."""
+    from mitsonar.device.files import EXR
+    from mitsonar.io.records import exr
+
+    if os.path.isfile(path):
+        with open(path, "rb") as stream:
+            if (head := stream.read(len(EXR))) and head != EXR:
+                raise ValueError(f"cannot read {path}: it is no EXR, no netCDF, and no line of a sounder or a "
+                                 "sidescan; give one of these.")
+    return exr.read(path)
 
 
 def _instruments_line(path):

@@ -87,7 +87,8 @@ def _soundings(arguments):
             before, written = _simulated(arguments, place, progress)
     announce(arguments.output)
     kept = (f"{before} pings were already in the file",) if before else ()
-    warn("; ".join((f"{written.soundings} soundings of {written.pings} pings", *written.words, *words, *kept)))
+    pings = "1 ping" if written.pings == 1 else f"{written.pings} pings"
+    warn("; ".join((f"{written.soundings} soundings of {pings}", *written.words, *words, *kept)))
 
 
 def level_of(text: str | None) -> float | str | None:

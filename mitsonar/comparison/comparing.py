@@ -10,8 +10,8 @@ from mitsonar.device.files import FilePath
 from .record import LineComparison
 
 KINDS = {"soundings": "a line of soundings", "sidescan": "a sidescan"}
-NEITHER = ("is neither a line of soundings nor a sidescan; give an .all, .kmall, .gsf or XTF file, an image of a "
-           "sidescan, or soundings in netCDF.")
+NEITHER = ("is neither a line of soundings nor a sidescan; give a recorded line of either, an image of a sidescan, or "
+           "soundings in netCDF.")
 Record = xr.Dataset | FilePath
 
 
@@ -21,7 +21,7 @@ def compare(real: Record, simulated: Record, *, seed: int = 0) -> LineComparison
     Parameters
     ----------
     real : str, path or xarray.Dataset
-        Line of soundings (.all, .kmall, .gsf, .nc), or a recorded sidescan (XTF).
+        Line of soundings (.all, .kmall, .gsf, .s7k, .xtf, .hsx, .nc), or a recorded sidescan (.xtf, .jsf, .sdf).
     simulated : str, path or xarray.Dataset
         Simulated record of the same line: soundings or a rendered sidescan (.exr, .nc), the same as XTF, or the scene
         (.xml), which is sounded or rendered first.

@@ -124,6 +124,9 @@ class LineComparison(SonarImage):
         return [*self.attrs.get("remarks", []), *(f"{term}: {EVIDENCE[term]}" for term in terms)]
 
     def __repr__(self) -> str:
+        sidescan = {"line", "side", "statistic"} | ({"clue"} if "auc" in self else set())
+        if not {"line", "angle"} <= set(self.dims) and not sidescan <= set(self.dims):
+            return super().__repr__()                                    # of a part, such as one line
         head = f"Comparison of {self.attrs['real']} with {self.attrs['simulated']}"
         return "\n".join([head, *("    " + row for row in table_of(self)), *(f"  - {one}" for one in self.sentences)])
 

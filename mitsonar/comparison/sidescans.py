@@ -136,8 +136,11 @@ def _mean_db(line, distance):
 
 
 def _beyond(line, amplitude, values):
-    """Return values beyond the first return, of pings where any are."""
-    first = first_return(amplitude, line.spacing)
+    """Return values beyond the first return, of pings where any are; all values where no first return is found."""
+    try:
+        first = first_return(amplitude, line.spacing)
+    except ValueError:
+        return values
     beyond = np.arange(amplitude.shape[1]) > first[:, None]
     return values[beyond] if beyond.any() else values
 

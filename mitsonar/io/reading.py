@@ -62,7 +62,7 @@ def read(path: FilePath) -> SonarImage | SonarSignals | dict | list | np.ndarray
     if os.path.splitext(path)[1] in (".json", ".jsonl"):
         return _json(path)
     if (line := recorded(path)) is not None:
-        return line
+        return SonarImage.of(line)
     raise ValueError(f"cannot read {path}: it is no EXR, netCDF, JSON, PNG or survey line; give a file that "
                      "mitsonar wrote, or a line of a sounder or a sidescan.")
 

@@ -58,10 +58,10 @@ def write_sweep(plan: SurveyPlan, path: FilePath, scene: FilePath) -> None:
     lines = textwrap.fill(", ".join(map(str, _sailed(plan))), 100, initial_indent="    ", subsequent_indent="    ")
     name = os.path.relpath(os.path.abspath(scene), os.path.dirname(os.path.abspath(path)))
     text = (f'scene = {json.dumps(name)}\n'
-            'output = "line_{line:04}.nc"                       # or .gsf, .kmall, .csv, .las\n\n'
+            'output = "line_{line:04}.nc"                       # or .gsf, .kmall, .s7k, .csv, .las\n\n'
             f'[set]\npings = {MOST_PINGS}                                    # to the end of each line\n\n'
             f'[grid]\nline = [\n{lines}\n]\n\n'
-            '[soundings]                                        # profile, tide, column, snippets, place, start\n')
+            '[soundings]                                        # profile, tide, separation, heights, ...\n')
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
 

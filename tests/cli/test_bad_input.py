@@ -6,6 +6,7 @@ was found, what to do or what is known. They run within the test's own process; 
 import os
 import re
 
+import h5py
 import numpy as np
 import pytest
 from small_scene import TEXT, spoilt
@@ -257,7 +258,7 @@ COMMANDS = {
     "folder of the preview missing": ([*RENDER, "--preview", "no/p.png"], "make it first"),
     "plot of nothing": (["plot", "no.exr"], "cannot read no.exr: there is no such file"),
     "plot of a folder": (["plot", "."], "it is a folder"),
-    "plot of a scene": (["plot", "scene.xml"], "is not an OpenEXR file"),
+    "plot of a scene": (["plot", "scene.xml"], "it is no EXR, no netCDF, and no line of a sounder"),
     "plot with a word for a ping": (["plot", "no.exr", "--ping", "x"], "--ping: 'x' is not a whole number"),
     "unknown gain": (["plot", "no.exr", "--tvg", "x"], "choose from"),
     "demo into a picture": (["demo", "-o", "demo.png"], "must end in .exr; pictures are made by --preview"),
@@ -365,3 +366,9 @@ def test_plot_refuses_what_it_does_not_know(folder, refusal):
     assert "there is no ping 99; there are 2" in refusal("plot", "o.exr", "--what", "ping", "--ping", "99")
     assert "must end in .png, .pdf or .svg" in refusal("plot", "o.exr", "-o", "p.xyz")
     assert "make it first" in refusal("plot", "o.exr", "-o", "no/p.png")
+
+
+def test_plot_of_a_file_without_variables(folder, refusal):
+    with h5py.File(folder / "empty.nc", "w") as file:
+        file.attrs["title"] = "nothing"
+    assert "needs the variable 'level'; this dataset has none." in refusal("plot", "empty.nc")

@@ -76,6 +76,20 @@ def test_a_short_line_has_pictures_and_says_what_is_missing(real):
     assert np.isfinite(found["picture"]).all() and np.isfinite(found["mean_db"]).all()
 
 
+def test_a_line_without_a_first_return_has_pictures_and_says_so(real):
+    even = real.copy(deep=True)
+    even["recorded"][:] = 1000                                        # no water column before the bed
+    found = mitsonar.compare(real, even)
+    assert np.isfinite(found["picture"]).all() and "auc" not in found
+    assert "no statistics of a dataset, port: no first return was found" in repr(found)
+
+
+def test_parts_of_a_comparison_print_as_datasets(real):
+    found = mitsonar.compare(real, real)
+    for part in (found.isel(line=0), found.sel(side="port"), found.isel(clue=0), found[["auc"]]):
+        assert "Dimensions" in repr(part)
+
+
 def test_what_cannot_be_compared_is_refused(real):
     def refused(one, other):
         with pytest.raises(ValueError) as caught:

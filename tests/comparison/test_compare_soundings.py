@@ -78,6 +78,12 @@ def test_lever_arms_are_no_difference_of_times_and_a_step_is(line):
     assert np.nanmedian(np.abs(apart[~there])) < 5e-3
 
 
+def test_parts_of_a_comparison_of_soundings_print_as_datasets(line):
+    found = mitsonar.compare(line, line)
+    for part in (found.isel(angle=3), found.sel(line="real"), found[["depth_difference"]]):
+        assert "Dimensions" in repr(part)
+
+
 def test_lines_without_a_common_time_are_paired_by_place(line):
     later = line.assign_attrs(start="2000-01-01T00:00:00Z")
     found = mitsonar.compare(line, later.isel(ping=slice(2, 6)))

@@ -63,6 +63,15 @@ def test_an_image_of_every_kind_of_attribute(tmp_path):
     assert image.isel(ping=slice(2)).to_netcdf().tobytes()[:4] == b"\x89HDF"        # parts of it, and without a name
 
 
+def test_a_recorded_line_goes_into_netcdf(tmp_path):
+    mitsonar.write(soundings_line(pings=2), tmp_path / "line.gsf")
+    line = mitsonar.read(tmp_path / "line.gsf")
+    assert line.attrs["preset"] is None                                 # which xarray alone refuses
+    line.to_netcdf(tmp_path / "line.nc")
+    back = mitsonar.read(tmp_path / "line.nc")
+    assert back["depth"].equals(line["depth"]) and back.attrs["preset"] is None
+
+
 def test_json_that_no_memory_holds_is_refused(tmp_path):
     (tmp_path / "a.json").touch()
     os.truncate(tmp_path / "a.json", 50 * 10**9)           # sparse: it takes no room

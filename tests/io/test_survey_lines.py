@@ -119,6 +119,20 @@ def test_a_table_says_latitudes_where_a_place_is_said(tmp_path):
     assert said["time [UTC]"].startswith("2027-01-01")
 
 
+@pytest.mark.parametrize("suffix", (".csv", ".las"))
+def test_written_strengths_stand_beside_those_of_the_bed(suffix, tmp_path):
+    line, path = LINE.assign(written_backscatter_db=LINE["backscatter_db"] + 3), tmp_path / f"line{suffix}"
+    survey_lines.write(blocks_of(line), path)
+    if suffix == ".las":
+        cloud = pytest.importorskip("laspy").read(path)
+        found = [np.asarray(cloud[f"{name}backscatter_db"]) for name in ("written_", "")]
+    else:
+        header, *rows = path.read_text().splitlines()
+        table = dict(zip(header.split(","), np.array([row.split(",") for row in rows]).T))
+        found = [table[f"{name}backscatter_db [dB]"].astype(float) for name in ("written_", "")]
+    assert np.isfinite(found).any() and np.nanmax(np.abs(found[0] - found[1] - 3)) < 2e-3       # CSV: rounded to 1e-3
+
+
 def test_a_point_cloud_has_places_classes_and_the_records_names(tmp_path):
     laspy = pytest.importorskip("laspy")
     line = LINE.copy(deep=True)

@@ -19,7 +19,7 @@ Cloud = dict[str, np.ndarray]              # variables of soundings by name, eac
 def cloud(line: LineToWrite, block: xr.Dataset, at: int) -> Iterator[Cloud]:
     """Yield the soundings of each ping that have a position, valid or not; ``at`` is the number of the first ping."""
     names = [str(name) for name, value in block.variables.items() if value.dims == ("ping", "beam")]
-    for number, ping in enumerate(pings(line, block), at):
+    for number, ping in enumerate(pings(line, block, apart=True), at):
         placed = np.isfinite(ping["x"]) & np.isfinite(ping["y"]) & np.isfinite(ping["depth"])
         points = {name: ping[name][placed] for name in (*names, "latitude", "longitude", "beam")}
         count = int(placed.sum())

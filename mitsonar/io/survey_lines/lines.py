@@ -134,15 +134,16 @@ def line_of(blocks: Blocks, *, place: Place | None = None,     # (latitude, long
     return LineToWrite(first=first, start=since, frame=frame, placed=placed), _alike(first, remaining)
 
 
-def pings(line: LineToWrite, block: xr.Dataset) -> Iterator[Ping]:
+def pings(line: LineToWrite, block: xr.Dataset, *, apart: bool = False) -> Iterator[Ping]:
     """Yield the pings of a block without padding and with their positions on Earth.
 
     Each has the variables of the record; beams without an angle and sectors without a frequency are left out. Added are
     ``beam`` (number in the record), ``since`` [s since 1970], ``ping_latitude``, ``ping_longitude``, ``latitude`` and
     ``longitude`` (of beams; NaN where there is no sounding) [degrees], ``true_heading`` [rad], ``level`` [m] of the
-    water above the datum, 0 without a tide, and ``below_surface`` [m] of the reference point.
+    water above the datum, 0 without a tide, and ``below_surface`` [m] of the reference point. ``apart`` keeps the bed's
+    strengths apart from the written ones.
     """
-    block = as_written(block)
+    block = block if apart else as_written(block)
     arrays = {str(name): value.values for name, value in block.variables.items() if value.dims[:1] == ("ping",)}
     of_beams = {name for name in arrays if block[name].dims[1:2] == ("beam",)}
     of_sectors = {name for name in arrays if block[name].dims[1:2] == ("transmission",)}

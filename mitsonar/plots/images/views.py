@@ -196,7 +196,7 @@ def _figure(dataset: xr.Dataset, what: str, path: FilePath | None, tvg: Tvg, pin
     draw, needed = PLOTS[what]
     if needed not in dataset.data_vars:
         raise ValueError(f"the plot {what!r} needs the variable {needed!r}; this dataset has "
-                         f"{', '.join(map(str, dataset.data_vars))}.")
+                         f"{', '.join(map(str, dataset.data_vars)) or 'none'}.")
     dataset = with_sides(dataset)
     options = {"waterfall": {"tvg": tvg, "shades": shades}, "objects": {"tvg": tvg}, "ping": {"ping": ping}}
     return canvas.saved(draw(dataset, make_grid(dataset), **options.get(what, {})), path)
