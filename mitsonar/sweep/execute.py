@@ -338,7 +338,7 @@ def preview(output: str) -> str:
 
 def _is_there(folder, output, entry, previews):
     path = os.path.join(folder, output)
-    with contextlib.suppress(OSError):
+    with contextlib.suppress(OSError, ValueError):     # ValueError: no name of a file
         return os.path.getsize(path) == entry.bytes and (not previews or (
             entry.preview is not None and os.path.exists(os.path.join(folder, entry.preview))))
     return False
