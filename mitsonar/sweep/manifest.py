@@ -27,7 +27,7 @@ import time
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, NamedTuple
 
-from mitsonar.device.files import FULL, FilePath
+from mitsonar.device.files import FULL, FilePath, check_readable
 from mitsonar.version import __version__
 
 from .parts import MANIFEST, WHOLE, Part, manifests
@@ -184,6 +184,7 @@ def lines(path: FilePath) -> Iterator[Line]:
     path = os.fspath(path)
     if not os.path.exists(path):
         return
+    check_readable(path, "the manifest", "a manifest of a sweep")
     with open(path, "rb") as file:
         start = 0
         while line := file.readline(LONGEST_LINE):

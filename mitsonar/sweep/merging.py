@@ -10,9 +10,9 @@ import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from mitsonar.device.files import FilePath, check_writable, clear_left, replacing
+from mitsonar.device.files import FilePath, check_readable, clear_left, replacing
 
-from .execute import default_folder, preview
+from .execute import created, default_folder, preview
 from .manifest import Line, hold, key, lines, sha256, versions
 from .parts import MANIFEST, WHOLE, Part, manifests
 from .plan import Plan, load_plan
@@ -79,10 +79,10 @@ def merge(plan: Plan | FilePath, folders: Sequence[FilePath], folder: FilePath |
         if not manifests(source):
             raise FileNotFoundError(f"cannot merge {source}: it holds no manifest of a sweep; give the folders of "
                                     "parts")
+        for name in manifests(source):
+            check_readable(os.path.join(source, name), "the manifest", "a manifest of a sweep")
     sources += [folder] if folder not in sources and manifests(folder) else []
-    os.makedirs(folder, exist_ok=True)
-    check_writable(os.path.join(folder, MANIFEST))
-    with contextlib.ExitStack() as held:
+    with created(folder, keep=False), contextlib.ExitStack() as held:
         runs = [(source, _part(name)) for source in sources for name in manifests(source)]
         for source, part in dict.fromkeys([*runs, (folder, WHOLE)]):
             with _unless_read_only():
