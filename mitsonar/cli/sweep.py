@@ -107,7 +107,7 @@ def _merge(plan, arguments):
 
 
 def _only(plan, arguments):
-    from mitsonar.device.files import checked_suffix
+    from mitsonar.device.files import check_writable, checked_suffix
     from mitsonar.sweep.execute import only
 
     if not 0 <= arguments.only < len(plan):
@@ -115,6 +115,7 @@ def _only(plan, arguments):
                          f"from 0 to {len(plan) - 1}.")
     output = arguments.output or f"{arguments.only:06}.exr"
     checked_suffix(output, (".exr",))
+    check_writable(output)
     only(plan, arguments.only, output, threads=arguments.threads)
     announce(output)
     return 0

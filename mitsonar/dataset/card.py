@@ -5,6 +5,7 @@ What a set holds is counted; what only its makers know (title, licence, authors,
 from __future__ import annotations
 
 import json
+import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -37,11 +38,13 @@ def check_words(about: Mapping[str, Any]) -> None:
     """Raise `ValueError` for words that a card has no place for."""
     if unknown := [name for name in about if name not in WORDS]:
         raise ValueError(f"the card has no place for {unknown[0]}; give {', '.join(WORDS)}.")
+    for name, text in about.items():
+        if not isinstance(text, str) or not text.isprintable():
+            raise ValueError(f"the {name} on the card is {text!r:.200}; give a text of one line.")
 
 
 def write_card(shards: Sequence[Shard], folder: Path, about: Mapping[str, Any]) -> None:
     """Write the card of a set of shards."""
-    check_words(about)
     told = {**UNTOLD, **about}
     pictures = [(shard, sample, picture) for shard in shards for sample in shard.samples for picture in sample.pictures]
     texts = {"README.md": _readme(shards, pictures, told),
@@ -73,7 +76,7 @@ def _readme(shards, pictures, told):
         f"shard{'s' * (len(shards) != 1)} of "
         f"{sum(shard.bytes for shard in shards) / 1e6:,.0f} MB. Licence: {told['licence']}. Authors: {told['authors']}."
         + (f" See {told['homepage']}." if told["homepage"] else ""), "",
-        "| subset | pictures | with objects | " + " | ".join(names) + " |",
+        "| subset | pictures | with objects | " + " | ".join(map(_cell, names)) + " |",
         "|---" * (3 + len(names)) + "|", *rows, "",
         "Objects are counted once in every picture. Subsets share no seabed, unless they were split by a parameter.",
         "", "## What was drawn", "", *_drawn(samples), "", "## Physics", "", *_physics(pictures), "", "## Limits", "",
@@ -84,7 +87,12 @@ def _readme(shards, pictures, told):
 
 
 def _licence(text):
-    return text.lower() if text.lower().startswith(("cc", "mit", "apache", "bsd")) else "other"
+    return text.lower() if re.fullmatch(r"(cc|mit|apache|bsd)[a-z0-9.-]*", text.lower()) else "other"
+
+
+def _cell(text):
+    """Return a text for a cell of a table."""
+    return " ".join(text.split()).replace("|", "\\|")
 
 
 def _drawn(samples):
@@ -98,10 +106,11 @@ def _drawn(samples):
         different = set(map(str, values))
         if all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in values):
             low, middle, high = np.percentile(values, [0, 50, 100])
-            rows.append(f"| {name} | {low:.4g} to {high:.4g}, median {middle:.4g} |" if low < high else
-                        f"| {name} | {low:.4g} |")
+            rows.append(f"| {_cell(name)} | {low:.4g} to {high:.4g}, median {middle:.4g} |" if low < high else
+                        f"| {_cell(name)} | {low:.4g} |")
         else:
-            rows.append(f"| {name} | {', '.join(sorted(different)[:8])}{', ...' * (len(different) > 8)} |")
+            rows.append(f"| {_cell(name)} | {_cell(', '.join(sorted(different)[:8]))}"
+                        f"{', ...' * (len(different) > 8)} |")
     return rows if len(rows) > 2 else ["Nothing but the seed."]
 
 
@@ -116,7 +125,7 @@ def _physics(pictures):
 
 def _made(samples):
     versions = Counter(json.dumps(sample.record["versions"], sort_keys=True) for sample in samples)
-    sets = Counter(str(sample.record["instruction_set"]) for sample in samples)
+    sets = Counter(str(sample.record.get("instruction_set")) for sample in samples)
     return [*(f"- {count:,} records by {', '.join(f'{name} {version}' for name, version in json.loads(text).items())}"
               for text, count in versions.most_common()),
             *(f"- {count:,} on {name}" for name, count in sets.most_common())]

@@ -28,7 +28,7 @@ def write_index(shards: Sequence[Shard], path: Path) -> None:
              **{f"parameter_{name}": value for name, value in sample.record["parameters"].items()},
              **{f"count_{name}": count for name, count in picture["counts"].items()},
              "seconds": sample.record["seconds"], "sample_sha256": sample.record["sha256"],
-             "instruction_set": sample.record["instruction_set"]}
+             "instruction_set": sample.record.get("instruction_set")}
             for shard in shards for sample in shard.samples for picture in sample.pictures]
     names = list(dict.fromkeys(name for row in rows for name in row))
     table = pa.table({name: _column([row.get(name) for row in rows]) for name in names})
@@ -39,6 +39,8 @@ def write_index(shards: Sequence[Shard], path: Path) -> None:
 def _column(values):
     """Return values of one kind; of several kinds as text."""
     kinds = {type(value) for value in values if value is not None}
+    if kinds == {int} and any(abs(value) >= 1 << 63 for value in values if value is not None):
+        kinds = {int, float}
     if kinds <= {int, float} or len(kinds) == 1 and kinds <= {bool, str}:
         return [float(value) if float in kinds and value is not None else value for value in values]
     return [None if value is None else str(value) for value in values]

@@ -16,17 +16,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from mitsonar.device.files import FilePath, check_writable, replacing
+from mitsonar.device.files import FilePath, check_writable, clear_left, replacing
 from mitsonar.sweep.manifest import Line, lines
 from mitsonar.sweep.parts import manifests
 
-from .card import write_card
+from .card import check_words, write_card
 from .index import write_index
 from .split import deal
 
 SUFFIX, LAYOUT = ".tar", ".shards"
 SMALLEST = 1_000_000               # bytes of a shard
 BLOCK, RECORD = 512, 10_240        # bytes, of tars
+LARGEST_JSON = 64_000_000          # bytes; those of mitsonar are far shorter
+KEPT = ("width", "height", "seabed", "counts", "sonar", "frequency", "file")       # of a picture's JSON
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,7 +37,7 @@ class SampleFile:
 
     path: Path
     record: dict[str, Any]  # its line of the manifest
-    pictures: tuple[dict[str, Any], ...]  # JSON of every picture, with its ``key``
+    pictures: tuple[dict[str, Any], ...]  # `KEPT` of every picture's JSON, with its ``key``
     size: int  # bytes in a shard
 
     @property
@@ -96,7 +98,10 @@ def write_shards(folders: Sequence[FilePath], folder: FilePath, *, size: int = 5
     """
     if size < SMALLEST:
         raise ValueError(f"a shard of {size:,} bytes was asked for; give at least {SMALLEST:,}.")
-    samples = [sample for place in folders for sample in _samples(Path(place))]
+    check_words(about or {})
+    samples = [sample for place in folders for sample in _samples(Path(place)) if sample.pictures]
+    if not samples:
+        raise ValueError(f"the samples of {', '.join(map(str, folders))} hold no pictures; give sweeps with others.")
     _check_keys(samples)
     subsets = ["train"] * len(samples)
     if shares:
@@ -107,6 +112,7 @@ def write_shards(folders: Sequence[FilePath], folder: FilePath, *, size: int = 5
     _check_layout(folder, shards)
     for done, shard in enumerate(shards):
         if not (path := folder / shard.name).exists() or path.stat().st_size != shard.bytes:
+            clear_left(path)
             _write(shard, path)
         if progress is not None:
             progress(done + 1, len(shards))
@@ -133,21 +139,36 @@ def _samples(folder: Path) -> Iterator[SampleFile]:
 
 def _sample(path, line):
     record, pictures, size = line.record(), [], 0
-    if path.stat().st_size != record["bytes"]:
+    if path.stat().st_size != record["bytes"] or "sha256" not in record:
         raise ValueError(f"{path} was altered after writing; run the sweep again with --verify.")
     try:
         with tarfile.open(path, "r:") as tar:
             for member in tar:
-                if not member.isreg() or "/" in member.name:
+                if not member.isreg() or member.issparse() or "/" in member.name:
                     raise tarfile.ReadError("it holds more than files")
                 size += BLOCK + -(-member.size // BLOCK) * BLOCK
                 if member.name.endswith(".json"):
-                    text = tar.extractfile(member)
-                    pictures.append({"key": member.name.removesuffix(".json"),
-                                     **json.loads(text.read() if text else b"")})
+                    pictures.append({"key": member.name.removesuffix(".json"), **_about(tar, member)})
     except (tarfile.TarError, ValueError, OSError) as error:
         raise ValueError(f"cannot read the sample {path}: {error}") from None
     return SampleFile(path=path, record=record, pictures=tuple(pictures), size=size)
+
+
+def _about(tar, member):
+    """Return `KEPT` of a picture's JSON."""
+    wrong = tarfile.ReadError(f"{member.name} does not describe a picture")
+    if member.size > LARGEST_JSON:
+        raise wrong
+    try:
+        given = json.loads(tar.extractfile(member).read())
+        kept = {name: given.get(name) for name in KEPT}
+        json.dumps(kept, ensure_ascii=False).encode()  # raises `ValueError` for what is no text
+        numbers = (kept["width"], kept["height"], *kept["counts"].values())
+    except (ValueError, AttributeError, RecursionError):
+        raise wrong from None
+    if not all(isinstance(number, int) and 0 <= number < 1 << 32 for number in numbers):
+        raise wrong
+    return kept
 
 
 def _check_keys(samples):
@@ -172,7 +193,7 @@ def _shards(samples, subsets, size, seed) -> Iterator[Shard]:
     """Yield shards of mixed samples, subset by subset."""
     for subset in dict.fromkeys(subsets):
         mixed = sorted((sample for sample, home in zip(samples, subsets, strict=True)
-                        if home == subset and sample.pictures),
+                        if home == subset),
                        key=lambda sample: hashlib.sha256(f"{seed}:{sample.pictures[0]['key']}".encode()).digest())
         held: list[SampleFile] = []
         number = filled = 0
@@ -191,6 +212,7 @@ def _check_layout(folder, shards):
     layout = hashlib.sha256(json.dumps([[shard.name, [sample.record["sha256"] for sample in shard.samples]]
                                         for shard in shards]).encode()).hexdigest()
     known = folder / LAYOUT
+    clear_left(known)
     if known.is_file():
         if known.read_text(encoding="utf-8").strip() == layout:
             return

@@ -50,11 +50,16 @@ class SampleRules:
             raise ValueError("a split is of a whole set; give it when shards are made.")
 
 
+def key_of(name: str) -> str:
+    """Return the key of the pictures of a sample of that name."""
+    return name.replace(".", "_").replace("/", "_")
+
+
 def write_sample(record: xr.Dataset, stream: IO[bytes], key: str, rules: SampleRules) -> int:
     """Write the labelled pictures of a record as a tar, and return their number."""
     about = {name: record.attrs.get(name) for name in TOLD}
     numbers = coco.categories(rules.labels.classes or (), whole=rules.labels.whole)
-    key, count = key.replace(".", "_").replace("/", "_"), 0
+    key, count = key_of(key), 0
     with tarfile.open(fileobj=stream, mode="w", format=tarfile.USTAR_FORMAT) as tar:
         for tile in labelled(record, key, rules.labels)[1]:
             if rules.labels.drop_empty and not tile.pieces:

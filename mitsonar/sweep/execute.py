@@ -6,7 +6,7 @@ import itertools
 import os
 import queue
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -134,7 +134,7 @@ def run(plan: Plan | FilePath, folder: FilePath | None = None, *, processes: int
         raise ValueError(f"part {part} was asked for, and the plan makes {len(plan)} renders; give at most {len(plan)} "
                          "parts")
     outputs = None if part.whole else [plan.render(index).output for index in ours]
-    with _created(folder, keep=not part.whole), Manifest(folder, part) as manifest:
+    with created(folder, keep=not part.whole), Manifest(folder, part) as manifest:
         remove_leftovers(_folders(plan, folder), outputs)
         if manifest.damaged:
             lines, are = ("line", "is") if manifest.damaged == 1 else ("lines", "are")
@@ -338,7 +338,7 @@ def preview(output: str) -> str:
 
 def _is_there(folder, output, entry, previews):
     path = os.path.join(folder, output)
-    with contextlib.suppress(OSError):
+    with contextlib.suppress(OSError, ValueError):     # ValueError: no name of a file
         return os.path.getsize(path) == entry.bytes and (not previews or (
             entry.preview is not None and os.path.exists(os.path.join(folder, entry.preview))))
     return False
@@ -358,7 +358,7 @@ def _folders(plan, folder):
 
 
 @contextlib.contextmanager
-def _created(folder, keep):
+def created(folder: str, *, keep: bool) -> Iterator[None]:
     """Create a folder, and unless it is to be kept remove it and its new parents at the end if they stay empty."""
     new, above = [], folder
     while not os.path.exists(above):

@@ -18,6 +18,7 @@ import errno
 import hashlib
 import importlib.metadata
 import json
+import math
 import os
 import platform
 import re
@@ -26,7 +27,7 @@ import time
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, NamedTuple
 
-from mitsonar.device.files import FULL, FilePath
+from mitsonar.device.files import FULL, FilePath, check_readable
 from mitsonar.version import __version__
 
 from .parts import MANIFEST, WHOLE, Part, manifests
@@ -183,6 +184,7 @@ def lines(path: FilePath) -> Iterator[Line]:
     path = os.fspath(path)
     if not os.path.exists(path):
         return
+    check_readable(path, "the manifest", "a manifest of a sweep")
     with open(path, "rb") as file:
         start = 0
         while line := file.readline(LONGEST_LINE):
@@ -203,8 +205,13 @@ def _entry(record):
     if record["status"] not in ("ok", "failed") or not isinstance(record["output"], str):
         raise ValueError
     preview, size = record.get("preview"), record["bytes"] if record["status"] == "ok" else 0
-    if not (isinstance(size, int) and isinstance(record["index"], int)
-            and (preview is None or isinstance(preview, str))):
+    if not (isinstance(size, int) and 0 <= size < 1 << 63 and isinstance(record["index"], int)
+            and isinstance(preview, str | None) and isinstance(record.get("sha256"), str | None)
+            and all(isinstance(text, str) for text in record["versions"].values())
+            and isinstance(record["seed"], int)
+            and json.dumps([record["output"], record["parameters"]], ensure_ascii=False).encode()
+            and all(map(_is_value, record["parameters"].values()))
+            and 0 <= float(record["seconds"]) < math.inf):
         raise ValueError
     classes = record.get("classes")
     return record["output"], ManifestEntry(key=key(record["parameters"], record["seed"], record["inputs"],
@@ -215,6 +222,13 @@ def _entry(record):
                                            classes=None if classes is None else tuple(map(str, classes)),
                                            index=record["index"], inputs=sys.intern(record["inputs"]),
                                            stamp=stamp_of(record.get("plan"), record["versions"]))
+
+
+def _is_value(given):
+    """Return True for a value that a plan may give a parameter."""
+    if isinstance(given, list):
+        return all(isinstance(item, (int, float)) and math.isfinite(item) for item in given)
+    return isinstance(given, str) or math.isfinite(given)
 
 
 def stamp_of(plan: str | None, versions: Mapping[str, str]) -> str | None:

@@ -10,11 +10,11 @@ import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from mitsonar.device.files import FilePath, check_writable, replacing
+from mitsonar.device.files import FilePath, check_readable, clear_left, replacing
 
-from .execute import default_folder, preview
+from .execute import created, default_folder, preview
 from .manifest import Line, hold, key, lines, sha256, versions
-from .parts import MANIFEST, OF_PART, WHOLE, Part, manifests
+from .parts import MANIFEST, WHOLE, Part, manifests
 from .plan import Plan, load_plan
 
 
@@ -79,15 +79,17 @@ def merge(plan: Plan | FilePath, folders: Sequence[FilePath], folder: FilePath |
         if not manifests(source):
             raise FileNotFoundError(f"cannot merge {source}: it holds no manifest of a sweep; give the folders of "
                                     "parts")
+        for name in manifests(source):
+            check_readable(os.path.join(source, name), "the manifest", "a manifest of a sweep")
     sources += [folder] if folder not in sources and manifests(folder) else []
-    os.makedirs(folder, exist_ok=True)
-    check_writable(os.path.join(folder, MANIFEST))
-    with contextlib.ExitStack() as held:
+    with created(folder, keep=False), contextlib.ExitStack() as held:
         runs = [(source, _part(name)) for source in sources for name in manifests(source)]
         for source, part in dict.fromkeys([*runs, (folder, WHOLE)]):
             with _unless_read_only():
                 held.callback(os.close, hold(source, part))
-        return _joined(plan, sources, folder, progress or (lambda done, total: None))
+        clear_left(os.path.join(folder, MANIFEST))
+        return _joined(plan, sources, folder, progress or (lambda done, total: None),
+                       [part for source, part in dict.fromkeys(runs) if source == folder and not part.whole])
 
 
 @contextlib.contextmanager
@@ -100,13 +102,13 @@ def _unless_read_only():
             raise
 
 
-def _joined(plan, sources, folder, progress):
+def _joined(plan, sources, folder, progress, parts):
     made_by, found, digest = versions(), _found(sources), plan.digests()
     missing, wrong, twice, sets, kept = [], [], [], {}, 0
     with replacing(os.path.join(folder, MANIFEST)) as temporary, open(temporary, "wb") as joined:
         for index in range(len(plan)):
             progress(index + 1, len(plan))
-            candidates, faults, taken = found.get(plan.render(index).output, ()), [], None
+            candidates, faults, taken = found.pop(plan.render(index).output, ()), [], None
             for line in candidates:
                 record = line.record()
                 fault = _fault(plan, index, line.folder, record, made_by, digest)
@@ -124,11 +126,14 @@ def _joined(plan, sources, folder, progress):
             for name in _outputs(plan, record["output"]):
                 _bring(os.path.join(line.folder, name), os.path.join(folder, name))
             joined.write(line.text())
-            sets[str(record["instruction_set"])] = None
+            sets[str(record.get("instruction_set"))] = None
             kept += 1
-    for name in filter(OF_PART.fullmatch, manifests(folder)):
-        for left in (name, _part(name).lock):
-            os.unlink(os.path.join(folder, left))
+        for line in (line for others in found.values() for line in others if line.folder == folder):
+            joined.write(line.text())                  # of another plan in this folder
+    for part in parts:                                 # those that were held: others may have begun since
+        for left in (part.manifest, part.lock):
+            with contextlib.suppress(FileNotFoundError):
+                os.unlink(os.path.join(folder, left))
     return Merged(folder=folder, total=len(plan), joined=kept, missing=tuple(missing), wrong=tuple(wrong),
                   twice=tuple(twice), instruction_sets=tuple(sorted(sets)))
 
@@ -158,7 +163,7 @@ def _fault(plan, index, folder, record, made_by, digest):
     path, *others = (os.path.join(folder, name) for name in _outputs(plan, render.output))
     if not all(map(os.path.isfile, (path, *others))):
         return "not there"
-    if os.path.getsize(path) != record["bytes"] or sha256(path) != record["sha256"]:
+    if os.path.getsize(path) != record["bytes"] or sha256(path) != record.get("sha256"):
         return "altered after writing, or not what its line says"
     return None
 
@@ -176,7 +181,7 @@ def _bring(source, target):
     with replacing(target) as temporary:
         temporary.unlink()
         try:
-            os.link(source, temporary)
+            os.link(os.path.realpath(source), temporary)
         except OSError:                                # another disk, or one without links
             shutil.copyfile(source, temporary)
 

@@ -4,7 +4,7 @@ import re
 import string
 from collections.abc import Iterable, Mapping
 
-from .products import SUFFIXES
+from .products import SAMPLE, SUFFIXES
 from .values import shortened
 
 SPEC = re.compile(r"0?\d{0,2}(\.\d{1,2})?[defg]?")           # excludes huge widths
@@ -12,6 +12,7 @@ NUMBER = re.compile(r"0?\d*d?")
 UNFIT = re.compile(r"[^\w.+=,-]+")                           # not allowed in a value; only the pattern may make folders
 FOLDERS = re.compile(r"[^,]*/")                              # of a file, or of each of several
 LONGEST = 200                                                # bytes of a part; temporary names are longer
+LONGEST_KEY = 64                   # bytes; names in a tar take 100, with turn, tile and ending such as .bed_shadow.png
 
 
 class Pattern:
@@ -58,6 +59,10 @@ class Pattern:
             if part.startswith(".") or not part.strip() or len(os.fsencode(part)) > LONGEST:
                 raise ValueError(f"the output pattern {shortened(self.text)} makes the name {shortened(name)} of "
                                  f"render {index}; give one that makes visible names of at most {LONGEST} bytes")
+        if self.suffix == SAMPLE and len(os.fsencode(name)) - len(SAMPLE) > LONGEST_KEY:
+            raise ValueError(f"the output pattern {shortened(self.text)} makes the name {shortened(name)} of render "
+                             f"{index}, which is too long for files in a tar; give one that makes names of at most "
+                             f"{LONGEST_KEY} bytes before .tar, with folders")
         return name
 
 

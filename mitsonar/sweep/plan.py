@@ -17,6 +17,7 @@ from typing import Any
 from mitsonar.device.files import FilePath
 from mitsonar.device.spelling import meant
 from mitsonar.io.scene_files import scenes, tables
+from mitsonar.labels.samples import key_of
 
 from .inputs import Inputs
 from .manifest import sha256
@@ -293,14 +294,15 @@ def _check_redraw(plan):
 
 
 def _check_output(plan):
-    """Raise `ValueError` if two renders have one name, also for file systems that ignore case."""
+    """Raise `ValueError` if two renders have one name, also for file systems that ignore case, and keys of samples."""
     if plan.pattern.numbered() and not plan.pattern.parameters:
         return
     seen = {}
     for index in range(len(plan)):
         name = plan.render(index).output
-        if seen.setdefault(hash(name.casefold()), index) != index:
-            other = seen[hash(name.casefold())]
+        known = hash((name if plan.labels is None else key_of(name)).casefold())
+        if seen.setdefault(known, index) != index:
+            other = seen[known]
             raise ValueError(f"output names both render {other} and render {index} {shortened(name)}; put {{index}} or "
                              "all that varies into it")
 

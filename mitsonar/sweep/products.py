@@ -9,14 +9,17 @@ import json
 import os
 from collections.abc import Sequence
 from dataclasses import fields
-from typing import Any
+from typing import Any, get_args
 
 from mitsonar.device.spelling import meant
+from mitsonar.imaging.gain import Tvg
 from mitsonar.io import casts, survey_lines
 from mitsonar.io.grids.separation import Separation
 from mitsonar.io.tracks import tides
+from mitsonar.labels.frames import FORMS as PICTURES
 from mitsonar.labels.rules import Labels
 from mitsonar.labels.samples import SampleRules
+from mitsonar.labels.yolo import FORMS as YOLO
 
 from .manifest import sha256
 from .values import number, shortened, whole
@@ -28,6 +31,9 @@ FILES = {"profile": casts.read, "tide": tides.load, "separation": lambda path: S
 HEIGHTS = ("tide", "gnss")
 RULES = ("arrays", *(field.name for field in fields(Labels)
                     if field.name != "classes" and not field.name.startswith("split")))
+PAIRS, NUMBERS = ("tile", "window"), ("threshold", "above_noise_db", "min_visible", "overlap")
+CHOICES = {"yolo": YOLO, "form": PICTURES, "tvg": get_args(get_args(Tvg)[0])}
+LARGEST_TILE = 1 << 31             # pings or bins
 OPTIONS = (*FILES, "heights", "column", "snippets", "place", "start")
 
 
@@ -72,6 +78,8 @@ def labels_of(given: dict[str, Any], suffix: str, previews: bool,
 
 def sample_rules(given: dict[str, Any], classes: Sequence[str]) -> SampleRules:
     """Return the rules of samples; raises `ValueError` if a value is wrong."""
+    for name, value in given.items():
+        _check_rule(name, value)
     values = {name: tuple(value) if isinstance(value, list) else value for name, value in given.items()}
     arrays = values.pop("arrays", ())
     if not (isinstance(arrays, tuple) and all(isinstance(name, str) for name in arrays)):
@@ -82,9 +90,28 @@ def sample_rules(given: dict[str, Any], classes: Sequence[str]) -> SampleRules:
                            arrays=arrays)
     except ValueError as error:
         raise ValueError(f"[labels]: {error}") from None
-    except (TypeError, IndexError):
-        raise ValueError(f"[labels] is {shortened(given)}; give numbers, texts and true or false as `mitsonar labels` "
-                         "takes them") from None
+
+
+def _check_rule(name: str, value: Any) -> None:
+    """Raise `ValueError` for a rule of another kind."""
+    where = f"labels.{name}"
+    if name in PAIRS:
+        if not isinstance(value, list) or len(value) != 2:
+            raise ValueError(f"{where} is {shortened(value)}; give a list of two numbers")
+        for part in value:
+            whole(part, where, 1, LARGEST_TILE) if name == "tile" else number(part, where)
+    elif name in CHOICES:
+        if value not in CHOICES[name]:
+            raise ValueError(f"{where} is {shortened(value)}; give {' or '.join(CHOICES[name])}")
+    elif name == "smallest":
+        whole(value, where, 1, LARGEST_TILE)
+    elif name == "cell":
+        if number(value, where) <= 0:
+            raise ValueError(f"{where} is {value}; give a length above 0, such as 0.05")
+    elif name in NUMBERS:
+        number(value, where)
+    elif name != "arrays" and not isinstance(value, bool):
+        raise ValueError(f"{where} is {shortened(value)}; give true or false")
 
 
 def _checked(name: str, value: Any, folder: str) -> Any:

@@ -185,3 +185,31 @@ def test_a_folder_that_may_not_be_written_to(folder, refusal):
     (folder / "plan.toml").write_text(S, encoding="utf-8")
     (folder / "shut").mkdir(mode=0o500)
     assert "no permission to write in" in refusal("sweep", "plan.toml", "-o", "shut")
+
+
+@pytest.mark.parametrize("rules, said", [
+    ('whole = "no"', "labels.whole is 'no'; give true or false"),
+    ("masks = 0", "labels.masks is 0; give true or false"),
+    ("tile = [64, 64, 64]", "labels.tile is [64, 64, 64]; give a list of two numbers"),
+    ("tile = [64.5, 64]", "labels.tile is 64.5; give a whole number"), ("tile = [-8, 8]", "labels.tile is -8; give"),
+    ("tile = [4, 8]", "[labels]: a tile is 4 pings by 8 bins"), ("smallest = true", "labels.smallest is True; give"),
+    ('tvg = "nonsense"', "labels.tvg is 'nonsense'; give seabed or target or"),
+    ("yolo = {}", "labels.yolo is {}; give"),
+    ("window = {a = 1}", "labels.window is {'a': 1}; give a list of two"),
+    ('threshold = "0.5"', "is '0.5'; give a number"),
+    ("window = [3, 1]", "[labels]: black is 3 dB"),
+    ('form = "cartesian"\ncell = -1', "labels.cell is -1; give a length"),
+    ('arrays = "level"', "labels.arrays is 'level'; give a list of variables")])
+def test_rules_of_another_kind(folder, refusal, rules, said):
+    (folder / "plan.toml").write_text(f'{S}output = "{{index}}.tar"\nclasses = ["box"]\n[labels]\n{rules}\n',
+                                      encoding="utf-8")
+    assert said in refusal("sweep", "plan.toml")
+
+
+@pytest.mark.parametrize("output, said", [
+    ("{range}.tar", "output names both render 0 and render 1 '1_5.tar'; put {index} or all that varies into it"),
+    ("a/{index}" + "_" * 62 + ".tar", "which is too long for files in a tar; give one that makes names of at most 64")])
+def test_samples_whose_pictures_would_have_no_names(folder, refusal, output, said):
+    (folder / "plan.toml").write_text(f'{S}output = "{output}"\nclasses = ["box"]\n[grid]\nrange = ["1.5", "1_5"]\n',
+                                      encoding="utf-8")
+    assert said in refusal("sweep", "plan.toml")

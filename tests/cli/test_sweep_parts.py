@@ -168,3 +168,17 @@ def test_samples_hold_no_exr_and_any_exr_is_made_again(plan, capfd):
     (plan / "plan.toml").write_text(text + "colour = true\n", encoding="utf-8")
     assert run("-o", "set") == 2
     assert "labels.colour is unknown" in capfd.readouterr().err
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes here")
+def test_a_merge_that_cannot_begin_leaves_no_folder(plan, refusal):
+    (plan / "file").write_text("", encoding="utf-8")
+    for name in ("empty", "pipe"):
+        (plan / name).mkdir()
+    (plan / "empty" / "manifest.jsonl").write_text("", encoding="utf-8")
+    os.mkfifo(plan / "pipe" / "manifest.part-1-of-2.jsonl")
+    assert "it is a device or a pipe" in refusal("sweep", "plan.toml", "--merge", "pipe", "-o", "whole")
+    assert "it is a device or a pipe" in refusal("shards", "pipe", "-o", "whole")
+    for place in ("file", "file/within"):
+        assert "it is a file, or in one" in refusal("sweep", "plan.toml", "--merge", "empty", "-o", place)
+    assert "the folder" in (said := refusal("sweep", "plan.toml", "--only", "0", "-o", "no/a.exr")) and "make" in said

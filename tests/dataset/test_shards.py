@@ -158,3 +158,91 @@ def test_wrong_words_are_refused(sweep, tmp_path):
         check_words({"price": 1})
     with pytest.raises(ValueError, match="samples need the classes"):
         SampleRules(labels=Labels(masks=True))
+
+
+def hostile(tmp_path, records=({},), **about):
+    """A folder of samples that only claim to be some: lines of the manifest, and the JSON of their picture."""
+    given = {"width": 2, "height": 2, "counts": {"box": 1}, "seabed": "a", **about}
+    with open(tmp_path / "manifest.jsonl", "w", encoding="utf-8") as manifest:
+        for index, changed in enumerate(records):
+            path = tmp_path / f"{index}.tar"
+            with tarfile.open(path, "w") as tar:
+                for name, content in (("json", json.dumps(given).encode()), ("png", b"")):
+                    info = tarfile.TarInfo(f"{index}.{name}")
+                    info.size = len(content)
+                    tar.addfile(info, io.BytesIO(content))
+            record = {"index": index, "output": path.name, "parameters": {}, "seed": 0, "inputs": "",
+                      "versions": {"mitsonar": "1"}, "status": "ok", "seconds": 1.0, "instruction_set": "AVX2",
+                      "bytes": path.stat().st_size, "sha256": sha256(path), **changed}
+            manifest.write(json.dumps(record) + "\n")
+    return tmp_path
+
+
+def test_samples_without_pictures_are_left_out_of_a_split(tmp_path):
+    (tmp_path / "sweep").mkdir()
+    folder = hostile(tmp_path / "sweep", [{}, {}, {}])
+    lines = []
+    for line in (folder / "manifest.jsonl").read_text(encoding="utf-8").splitlines():
+        record = json.loads(line)
+        if record["index"] == 0:
+            with tarfile.open(folder / "0.tar", "w"):
+                pass
+            record |= {"bytes": (folder / "0.tar").stat().st_size, "sha256": sha256(folder / "0.tar")}
+        lines.append(json.dumps(record))
+    (folder / "manifest.jsonl").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    with pytest.raises(ValueError, match="2 images with 1 different seabed"):
+        write_shards([folder], tmp_path / "set", shares=read_shares("train=0.5,val=0.5"))
+    assert len(write_shards([folder], tmp_path / "set")[0].samples) == 2
+    (folder / "manifest.jsonl").write_text(lines[0] + "\n", encoding="utf-8")
+    with pytest.raises(ValueError, match="hold no pictures"):
+        write_shards([folder], tmp_path / "none")
+    assert not (tmp_path / "none").exists()
+
+
+@pytest.mark.parametrize("about", [{"counts": []}, {"counts": {"box": "many"}}, {"width": None}, {"height": 1 << 40},
+                                   {"seabed": "\ud800"}])
+def test_a_picture_described_by_other_things_is_refused(tmp_path, about):
+    (tmp_path / "sweep").mkdir()
+    with pytest.raises(ValueError, match=r"0\.json does not describe a picture"):
+        write_shards([hostile(tmp_path / "sweep", **about)], tmp_path / "set")
+    assert not (tmp_path / "set").exists()
+
+
+def test_a_file_that_is_longer_than_its_tar_is_refused(tmp_path):
+    (tmp_path / "sweep").mkdir()
+    folder, path = hostile(tmp_path / "sweep"), tmp_path / "sweep" / "0.tar"
+    info = tarfile.TarInfo("0.json")
+    info.type, info.size = tarfile.GNUTYPE_SPARSE, 0
+    block = bytearray(info.tobuf(tarfile.GNU_FORMAT))
+    block[483:495] = b"77777777777\0"                  # 8 GB, all of them holes
+    block[148:156] = b"        "
+    block[148:156] = f"{sum(block):06o}\0 ".encode()
+    path.write_bytes(bytes(block) + bytes(2 * 512))
+    record = json.loads((folder / "manifest.jsonl").read_text(encoding="utf-8"))
+    (folder / "manifest.jsonl").write_text(json.dumps({**record, "bytes": path.stat().st_size}) + "\n",
+                                           encoding="utf-8")
+    with pytest.raises(ValueError, match="it holds more than files"):
+        write_shards([folder], tmp_path / "set")
+
+
+def test_odd_names_stay_in_their_cells(tmp_path):
+    (tmp_path / "sweep").mkdir()
+    folder = hostile(tmp_path / "sweep", [{"parameters": {"n": 1 << 70, "a|b": "x|y"}}, {}],
+                     counts={"a|b\n# c \"'": 1})
+    write_shards([folder], tmp_path / "set", about={"title": "a: [b", "licence": "CC: x"})
+    card = (tmp_path / "set" / "README.md").read_text(encoding="utf-8")
+    assert 'pretty_name: "a: [b"\nlicense: other\n' in card and "| a\\|b # c \"' |" in card
+    assert "| a\\|b | x\\|y |" in card
+    for words in ({"title": "a\n---\nb"}, {"authors": 5}):
+        with pytest.raises(ValueError, match="give a text of one line"):
+            check_words(words)
+
+
+def test_what_a_killed_run_left_is_removed(sweep, tmp_path):
+    (tmp_path / "set").mkdir()
+    (tmp_path / "set" / "..shards.3fffffff-00000000").write_bytes(b"half")
+    write_shards([sweep], tmp_path / "set")
+    (tmp_path / "set" / "train-00000.tar").rename(tmp_path / "set" / ".train-00000.3fffffff-00000000.tar")
+    write_shards([sweep], tmp_path / "set")
+    assert {path.name for path in (tmp_path / "set").iterdir()} == {".shards", "README.md", "croissant.json",
+                                                                    "index.parquet", "train-00000.tar"}

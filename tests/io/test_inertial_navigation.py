@@ -178,3 +178,9 @@ def test_a_date_for_a_track_that_has_its_own_is_refused(tmp_path):
     (tmp_path / "a.csv").write_text("time,x,y,z\n0,0,0,-1\n1,1,1,-1\n")
     with pytest.raises(ValueError, match="is no SBET and names its own dates"):
         tracks.load(tmp_path / "a.csv", date="2026-05-01")
+
+
+def test_an_empty_file_is_refused_by_its_name(tmp_path):
+    (tmp_path / "a.000").write_bytes(b"")
+    with pytest.raises(ValueError, match=r"a\.000: it is empty"):
+        posmv.delayed_heave(tmp_path / "a.000")

@@ -179,3 +179,9 @@ def test_flipped_bits_of_messages_end_in_a_record_or_a_sentence(line):
                        "cannot read the sidescan record",
                        lambda size: rng.integers(0, size, int(rng.integers(1, 12))), rng)
     assert 10 < refused < COPIES
+
+
+@pytest.mark.parametrize("length", [0, 1, 2, 3, 15])
+def test_the_beginning_of_a_message_is_no_record(line, length):
+    line.write_bytes(line.read_bytes()[:length])
+    assert sidescan_lines.recognised(line) is None

@@ -67,6 +67,7 @@ def test_feet_become_metres_and_missing_readings_are_left_out(tmp_path):
     (TABLES["CARIS"].replace("10:12", "10:01"), "line 4: the time .* is not later than"),
     (TABLES["CARIS"].replace("0.522", "52.2"), "height is 52.2 m, and no tide"),
     ("--------\n2026/05/01 10:00 0.5\n", "it has one reading"),
+    ("Date Time, My Water Level\n2026-05-01 10:00,0.5\n", "no column of the header begins with verified, preliminary"),
     (TABLES["CO-OPS service"].replace(",0.317,0.007,0,0,0,0,v", ""), "line 3 has 1 fields"),
     ("", "no header and no records")])
 def test_other_tables_are_refused_in_a_sentence(tmp_path, table, words):

@@ -16,7 +16,8 @@ import pytest
 from hypothesis import strategies
 from small_scene import TEXT
 
-from mitsonar.sweep import estimate, execute, load_plan, local, manifest, run
+from mitsonar.sweep import estimate, execute, load_plan, local, manifest, merging, run
+from mitsonar.sweep.parts import Part
 
 FUZZ = {"deadline": None, "derandomize": True, "suppress_health_check": list(hypothesis.HealthCheck)}
 PLAN = """
@@ -384,3 +385,63 @@ def test_an_endless_line_is_read_in_pieces(tmp_path, monkeypatch):
     monkeypatch.setattr(manifest, "LONGEST_LINE", 1000)
     (tmp_path / "m").write_bytes(b"x" * 5500 + b"\n" + b"y" * 3000)
     assert manifest.read(str(tmp_path / "m")) == ({}, 1, 5501)
+
+
+def merged(sweep, *folders, to=None, **options):
+    return merging.merge(sweep.folder / "plan.toml", [sweep.folder / folder for folder in folders],
+                         None if to is None else sweep.folder / to, **options)
+
+
+def test_a_merge_keeps_lines_of_another_plan_and_of_parts_begun_since(sweep):
+    other = 'output = "other_{index}.exr"\n' + PLAN
+    sweep(part=Part(number=1, count=2), text=other)
+    sweep(part=Part(number=1, count=2))
+
+    def begun(done, total):
+        if done == 1:
+            sweep(part=Part(number=2, count=2))
+    assert merged(sweep, "out", progress=begun).joined == 6
+    assert (sweep.folder / "out" / "manifest.part-2-of-2.jsonl").is_file()
+    assert sweep(text=other).kept == 6 and sweep().kept == 12
+
+
+def test_a_merge_stopped_anywhere_is_run_again(sweep, monkeypatch):
+    sweep("one")
+    for number in (1, 2):
+        sweep(f"part {number}", part=Part(number=number, count=2))
+    for at in range(12):
+        def stop(done, total, at=at):
+            if done > at:
+                raise KeyboardInterrupt
+        with pytest.raises(KeyboardInterrupt):
+            merged(sweep, "part 1", "part 2", to="whole", progress=stop)
+        assert not (sweep.folder / "whole" / "manifest.jsonl").exists()
+    (sweep.folder / "whole" / ".manifest.3fffffff-00000000.jsonl").write_bytes(b"half")
+    assert merged(sweep, "part 1", "part 2", to="whole").joined == 12
+    assert left(sweep.folder / "whole") == left(sweep.folder / "one")
+
+
+def test_a_merge_brings_what_links_lead_to(sweep):
+    sweep("a")
+    (sweep.folder / "a" / "store").mkdir()
+    for path in (sweep.folder / "a").glob("*.exr"):
+        path.rename(path.with_name("store") / path.name)
+        path.symlink_to(f"store/{path.name}")
+    assert merged(sweep, "a", to="whole").joined == 12
+    assert not any(path.is_symlink() for path in (sweep.folder / "whole").iterdir())
+    assert (sweep.folder / "whole" / "000000.exr").read_bytes() == (sweep.folder / "a" / "000000.exr").read_bytes()
+
+
+@pytest.mark.parametrize("lie", [
+    {"versions": ["1"]}, {"versions": {"mitsonar": 1}}, {"parameters": [1]}, {"parameters": {"a": {}}}, {"seed": "1"},
+    {"seconds": float("inf")}, {"seconds": -1}, {"bytes": -1}, {"bytes": 1 << 80}, {"sha256": 5}, {"output": "\ud800"},
+    {"redrawn": "many"}, {"redrawn": -1}, {"classes": 5}, {"sha256": None}, {"instruction_set": {}}, {"output": "\0"},
+    {"output": "/etc/hostname"}, {"index": -1}, {"index": 1 << 80}, {"plan": []}, {"preview": "\0"},
+    {"redrawn": 1 << 70}])
+def test_lines_that_lie_are_passed_over(sweep, lie):
+    sweep("a", part=Part(number=1, count=2))
+    path = sweep.folder / "a" / "manifest.part-1-of-2.jsonl"
+    first, *others = path.read_text(encoding="utf-8").splitlines()
+    path.write_text("\n".join([json.dumps({**json.loads(first), **lie}), *others]) + "\n", encoding="utf-8")
+    assert merged(sweep, "a", to="whole").joined >= 5
+    assert sweep("a").kept >= 5 and sweep("a").kept == 12

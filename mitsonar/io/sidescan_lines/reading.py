@@ -26,7 +26,7 @@ def recognised(path: FilePath) -> str | None:
     """Return the format of a file, one of `FORMATS`, or None, by its content."""
     with open(path, "rb") as file:
         head = file.read(16)
-    if head.startswith(jsf_messages.SYNC) and head[2] and len(head) == 16:
+    if head.startswith(jsf_messages.SYNC) and len(head) == 16 and head[2]:
         return "jsf"
     if head.startswith(sdf_line.START) and int.from_bytes(head[4:8], "little") > sdf_line.LEAST_HEADER:
         return "sdf"

@@ -141,6 +141,8 @@ class _Groups:
         if os.path.getsize(path) > MOST_BYTES:
             raise ValueError(f"cannot read the navigation {path}: it has {os.path.getsize(path) / 1e9:.1f} GB, more "
                              f"than {MOST_BYTES / 1e9:g}; split it.")
+        if not os.path.getsize(path):
+            raise ValueError(f"cannot read the navigation {path}: it is empty; copy it again.")
         found, kept = cls(rows={}), {number: array("d") for number in wanted}
         with open(path, "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
             for number, group in _walked(content):

@@ -95,6 +95,9 @@ def _coops(content: Sequence[tuple[int, str]]) -> Readings:
         if zone := re.search(r"\((.*)\)", titles[1]):
             _check_zone(zone.group(1))
     kept = [k for level in LEVELS for k, title in enumerate(titles) if title.startswith(level)]
+    if not kept:
+        raise ValueError(f"no column of the header begins with {', '.join(LEVELS[:-1])} or {LEVELS[-1]}; give the "
+                         "table as it was loaded.")
     found = next((k for k in kept if any(len(row) > k and row[k].strip().lower() not in MISSING for row in table)),
                  kept[0])
     unit = re.search(r"\((.*)\)", titles[found])
