@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from mitsonar.device.files import FilePath, check_writable, clear_left, replacing
-from mitsonar.sweep.manifest import Line, lines
+from mitsonar.sweep.manifest import Line, lines, sha256
 from mitsonar.sweep.parts import manifests
 
 from .card import check_words, write_card
@@ -108,6 +108,8 @@ def write_shards(folders: Sequence[FilePath], folder: FilePath, *, size: int = 5
         subsets = deal([_group(sample, by) for sample in samples], shares, seed, by or "seabed")
     shards = list(_shards(samples, subsets, size, seed))
     folder = Path(folder)
+    if folder.exists() and not folder.is_dir():
+        raise ValueError(f"cannot make the folder {folder}: there is a file of that name; give another name.")
     folder.mkdir(parents=True, exist_ok=True)
     _check_layout(folder, shards)
     for done, shard in enumerate(shards):
@@ -139,7 +141,7 @@ def _samples(folder: Path) -> Iterator[SampleFile]:
 
 def _sample(path, line):
     record, pictures, size = line.record(), [], 0
-    if path.stat().st_size != record["bytes"] or "sha256" not in record:
+    if path.stat().st_size != record["bytes"] or sha256(path) != record.get("sha256"):
         raise ValueError(f"{path} was altered after writing; run the sweep again with --verify.")
     try:
         with tarfile.open(path, "r:") as tar:
