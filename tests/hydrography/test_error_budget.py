@@ -115,6 +115,6 @@ def test_accuracies_are_read_in_their_units_and_bad_ones_refused():
     assert found.tide == 0.1 and found.roll == pytest.approx(np.deg2rad(0.05)) and found.heave == Accuracies().heave
     for texts, words in ((["tid=1"], 'did you mean "tide"'), (["roll=1"], "roll_deg"), (["tide"], "NAME=VALUE"),
                          (["tide=x"], "tide is 'x'"), (["tide=-1"], "from 0"), (["tide=nan"], "from 0"),
-                         (["tide=1", "tide=2"], "given twice")):
+                         (["tide=1", "tide=2"], "given twice"), (["heave_share=0.1"], "NAME=VALUE")):
         with pytest.raises(ValueError, match=words):
             accuracies_of(texts)

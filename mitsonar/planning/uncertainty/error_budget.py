@@ -128,7 +128,7 @@ def along_track(tracks: Sequence[PlannedTrack], sonar: SwathSonar, order: Survey
 
 def accuracies_of(texts: Sequence[str]) -> Accuracies:
     """Return accuracies from texts such as "tide=0.1" or "roll_deg=0.02"; those not named keep their defaults."""
-    known = [field.name for field in fields(Accuracies)]
+    known = [field.name for field in fields(Accuracies) if field.name != "heave_share"]       # a plan has no heave
     names = {f"{name}_deg" if name in IN_DEGREES else name: name for name in known}
     given = {}
     for text in texts:
