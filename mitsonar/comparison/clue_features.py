@@ -99,7 +99,7 @@ def run_clues(side: np.ndarray, other: np.ndarray, first: np.ndarray, spacing: f
     place = (np.arange(count) - first[:, None]) * spacing                        # [m] beyond the first return
     even = max(power[(place > 1) & (place < CLEAR)].mean(), 1e-12)
 
-    def level(low, high):
+    def level(low: float, high: float) -> float:
         chosen = power[(place >= low) & (place < high) & (np.arange(count) * spacing > .4)]
         return 10 * np.log10(max(chosen.mean(), 1e-12) / even) if chosen.size else np.nan
 

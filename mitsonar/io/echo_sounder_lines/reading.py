@@ -38,7 +38,7 @@ FM = 1                             # PulseForm
 
 @dataclass(kw_only=True)
 class _SounderFile:
-    """What a file holds, as its datagrams are walked."""
+    """Collect the content of a file as its datagrams are walked."""
 
     pings: list[tuple[Datagram, str, Mapping[str, float]]] = field(default_factory=list)
     channels: dict[str, dict[str, object]] = field(default_factory=dict)
