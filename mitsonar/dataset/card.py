@@ -1,6 +1,6 @@
 """Card of a set: ``README.md`` as Hugging Face shows it, and ``croissant.json`` (Croissant 1.0), the same for machines.
 
-What a set holds is counted; what only its makers know (title, licence, authors, homepage) is given.
+The content of a set is counted. Title, licence, authors and homepage are given, as only its makers know them.
 """
 from __future__ import annotations
 

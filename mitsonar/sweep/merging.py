@@ -1,7 +1,7 @@
 """Parts of a sweep joined: their manifests become one, and images of other folders are linked or copied to it.
 
 Every image is checked against the plan and against its own line: parameters, seed, inputs, versions; size and SHA-256.
-What does not agree is left out and named, so that a run of the sweep makes it anew.
+An image that does not agree is left out and named; a run of the sweep makes it anew.
 """
 import contextlib
 import errno

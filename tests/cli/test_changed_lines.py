@@ -49,7 +49,7 @@ def reduced(made, *options, output="out.nc"):
 
 
 def off(made):
-    """How far valid soundings lie below the bed, the noise of detection apart."""
+    """Return how far valid soundings lie below the bed, without the noise of detection."""
     depth, x = made["depth"].values, made["x"].values
     exact = soundings_line(pings=6, column=False, snippets=False)["error_detection"].values
     return (depth - 50.0 - 0.02 * x - exact)[made["valid"].values & np.isfinite(depth)]

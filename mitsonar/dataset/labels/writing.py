@@ -144,7 +144,7 @@ class _Writer:
                      *[f"masks/{kind}" for kind in MASKS] * self.labels.masks):
             (self.folder / kind).mkdir(parents=True)
 
-    def image(self, source, home):
+    def image(self, source: Source, home: str) -> None:
         """Write the pictures of an image into the subset ``home``."""
         subset = self.subsets[home]
         pictures, shown = labelled(source.read(), source.path, self.labels)
@@ -197,7 +197,7 @@ class _Writer:
                 subset.entries.append(coco.entry(piece, self.annotated, number, self.numbers,
                                                  self._track(description, piece)))
 
-    def summary(self, groups):
+    def summary(self, groups: dict[str, list[str]]) -> None:
         """Write the files on all images; `groups` are those of each subset."""
         split, files = self.labels.split, {}
         bare = [name for name, subset in self.subsets.items() if not subset.images]
