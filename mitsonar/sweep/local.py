@@ -107,7 +107,8 @@ class Local:
         while True:                                    # a process that is just starting is killed in the next round
             for renderer in self._renderers:
                 renderer.kill()
-            if not wait(self._futures, timeout=0.1).not_done:
+            # `wait` never ends for futures that were cancelled before they began
+            if not wait([future for future in self._futures if not future.done()], timeout=0.1).not_done:
                 return
 
     def submit(self, job: dict[str, Any]) -> Future:

@@ -445,3 +445,11 @@ def test_lines_that_lie_are_passed_over(sweep, lie):
     path.write_text("\n".join([json.dumps({**json.loads(first), **lie}), *others]) + "\n", encoding="utf-8")
     assert merged(sweep, "a", to="whole").joined >= 5
     assert sweep("a").kept >= 5 and sweep("a").kept == 12
+
+
+def test_a_pool_that_is_left_early_ends_with_jobs_that_have_not_begun(tmp_path):
+    from mitsonar.sweep.local import Local
+
+    with Local(1, 2, str(tmp_path)) as pool:
+        futures = [pool.submit({"versions": {}}) for _ in range(6)]
+    assert all(future.done() for future in futures)
