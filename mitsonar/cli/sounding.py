@@ -150,9 +150,9 @@ def _line(arguments, place):
         count, pings_of = _sounder(arguments, options)
         yield count, lambda start: pings_of(range(start, count))
         return
-    from mitsonar.sweep.local import Local, shares
     from mitsonar.sweep.manifest import versions
-    from mitsonar.sweep.sounding_jobs import PingBlocks
+    from mitsonar.sweep.pools.local import Local, shares
+    from mitsonar.sweep.pools.sounding_jobs import PingBlocks
 
     processes, threads = shares(arguments.processes, arguments.threads)
     with Local(processes, threads, os.getcwd()) as pool:
@@ -180,7 +180,7 @@ def _sounder(arguments, options):
 
 def _estimate(arguments, place):
     """Print what the soundings of a scene cost, from a few pings."""
-    from mitsonar.sweep.local import cores, shares
+    from mitsonar.sweep.pools.local import cores, shares
     from mitsonar.verbs import sounding_files
 
     from .sweep import size_said

@@ -39,9 +39,9 @@ def add(commands: Commands) -> None:
 
 def _sweep(arguments):
     from mitsonar.sweep.execute import run
-    from mitsonar.sweep.local import shares
     from mitsonar.sweep.parts import WHOLE, Part
     from mitsonar.sweep.plan import load_plan
+    from mitsonar.sweep.pools.local import shares
 
     _check_alone(arguments)
     part = Part.of(arguments.part) if arguments.part else WHOLE

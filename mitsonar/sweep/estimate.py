@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from mitsonar.device.files import FilePath
 
 from .execute import check_loading, default_folder, job, standing
-from .local import Local, cores, shares
 from .manifest import read_all, versions
 from .parts import WHOLE, Part
 from .plan import Plan, load_plan
+from .pools.local import Local, cores, shares
 
 TRIALS = 3
 ENOUGH_SECONDS = 30.0              # [s]: longest time of trials, of which the first compiles

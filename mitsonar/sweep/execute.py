@@ -13,11 +13,11 @@ from typing import Any
 from mitsonar.device import files
 from mitsonar.device.files import FilePath
 
-from .cluster import Cluster
-from .local import Local, shares
 from .manifest import Manifest, ManifestEntry, key, remove_leftovers, sha256, stamp_of, versions
 from .parts import WHOLE, Part, manifests
 from .plan import Plan, Render, load_plan, texts
+from .pools.cluster import Cluster
+from .pools.local import Local, shares
 
 ATTEMPTS = 2                       # per render before it counts as failed
 LOOK_SECONDS = 5.0                 # [s] between checks of the workers

@@ -6,8 +6,8 @@ import re
 import shlex
 from collections.abc import Callable
 
-from .local import THREADS
 from .parts import MOST_PARTS
+from .pools.local import THREADS
 
 MARGIN = 2.0                       # times as long as estimated, before a system may end a part
 SHORTEST = 1800                    # [s] that a part may take

@@ -158,7 +158,7 @@ def test_kills_and_interruptions_leave_nothing_unfinished_and_lose_nothing(plan)
 def test_a_process_that_dies_says_how(plan):
     import threading
 
-    from mitsonar.sweep.local import Renderer
+    from mitsonar.sweep.pools.local import Renderer
 
     renderer, answers = Renderer(2, str(plan)), []
     waiting = threading.Thread(target=lambda: answers.append(renderer({"versions": {}})))

@@ -7,8 +7,8 @@ import urllib.request
 import distributed
 import pytest
 
-from mitsonar.sweep import cluster as module
-from mitsonar.sweep.cluster import Cluster
+from mitsonar.sweep.pools import cluster as module
+from mitsonar.sweep.pools.cluster import Cluster
 
 PAGES = ("info/main/workers.html", "json/counts.json", "health", "metrics", "api/v1/get_workers")
 

@@ -16,8 +16,9 @@ import pytest
 from hypothesis import strategies
 from small_scene import TEXT
 
-from mitsonar.sweep import estimate, execute, load_plan, local, manifest, merging, run
+from mitsonar.sweep import estimate, execute, load_plan, manifest, merging, run
 from mitsonar.sweep.parts import Part
+from mitsonar.sweep.pools import local
 
 FUZZ = {"deadline": None, "derandomize": True, "suppress_health_check": list(hypothesis.HealthCheck)}
 PLAN = """
@@ -448,7 +449,7 @@ def test_lines_that_lie_are_passed_over(sweep, lie):
 
 
 def test_a_pool_that_is_left_early_ends_with_jobs_that_have_not_begun(tmp_path):
-    from mitsonar.sweep.local import Local
+    from mitsonar.sweep.pools.local import Local
 
     with Local(1, 2, str(tmp_path)) as pool:
         futures = [pool.submit({"versions": {}}) for _ in range(6)]

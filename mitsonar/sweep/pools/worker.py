@@ -64,7 +64,7 @@ def _answer(job, threads):
 
 
 def _do(job, threads):
-    from .manifest import versions
+    from ..manifest import versions
 
     if job["versions"] != (ours := versions()):
         raise ValueError(f"the worker has other versions, {ours}, than the sweep, {job['versions']}; install the same "
@@ -104,7 +104,7 @@ def _do(job, threads):
         from mitsonar.device.files import replacing
         from mitsonar.labels.samples import write_sample
 
-        from .products import sample_rules
+        from ..products import sample_rules
 
         with replacing(path) as temporary, open(temporary, "wb") as stream:
             write_sample(dataset, stream, os.path.splitext(job["output"])[0], sample_rules(*job["labels"]))
@@ -119,6 +119,6 @@ def _do(job, threads):
 
 def _content(path):
     """Return the size and the SHA-256 of a file."""
-    from .manifest import sha256
+    from ..manifest import sha256
 
     return {"bytes": os.path.getsize(path), "sha256": sha256(path)}

@@ -12,7 +12,7 @@ from typing import IO, Any, cast
 
 THREADS = 2                        # default per process: small renders gain most from more processes
 MOST_PROCESSES, MOST_THREADS = 1024, 1024
-START = ("import json, sys; sys.path[:] = json.loads(sys.argv[1]); from mitsonar.sweep import worker; "
+START = ("import json, sys; sys.path[:] = json.loads(sys.argv[1]); from mitsonar.sweep.pools import worker; "
          "worker.main(int(sys.argv[2]))")
 
 
@@ -44,7 +44,7 @@ class Renderer:
         self._errors: IO[bytes] | None = None          # error output of the process
 
     def __call__(self, job: dict[str, Any]) -> dict[str, Any]:
-        """Return the answer to a job (see `mitsonar.sweep.worker`), with ``error`` if it failed."""
+        """Return the answer to a job (see `mitsonar.sweep.pools.worker`), with ``error`` if it failed."""
         try:
             questions, answers = self._running()
             questions.write(json.dumps(job) + "\n")
