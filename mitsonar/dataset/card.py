@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
 
 import numpy as np
 
@@ -137,7 +138,8 @@ def _croissant(shards, folder, pictures, told):
 
     kinds = {"int64": "sc:Integer", "double": "sc:Float", "bool": "sc:Boolean"}
     schema = parquet.read_schema(folder / "index.parquet")
-    fields = [{"@type": "cr:Field", "@id": (name := "pictures/" + field.name.replace(" ", "_")), "name": name,
+    # names of columns may hold anything, and identifiers in Croissant have no spaces
+    fields = [{"@type": "cr:Field", "@id": (name := "pictures/" + quote(field.name, safe="")), "name": name,
                "dataType": kinds.get(str(field.type), "sc:Text"),
                "source": {"fileObject": {"@id": "index.parquet"}, "extract": {"column": field.name}}}
               for field in schema]

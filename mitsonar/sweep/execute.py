@@ -14,7 +14,7 @@ from mitsonar.device import files
 from mitsonar.device.files import FilePath
 
 from .manifest import Manifest, ManifestEntry, key, remove_leftovers, sha256, stamp_of, versions
-from .parts import WHOLE, Part, manifests
+from .parts import WHOLE, Part, check_count, manifests
 from .plan import Plan, Render, load_plan, texts
 from .pools.cluster import Cluster
 from .pools.local import Local, shares
@@ -135,6 +135,7 @@ def run(plan: Plan | FilePath, folder: FilePath | None = None, *, processes: int
                          "parts")
     outputs = None if part.whole else [plan.render(index).output for index in ours]
     with created(folder, keep=not part.whole), Manifest(folder, part) as manifest:
+        check_count(folder, part)              # after its manifest is made, so that two that begin at once see it
         remove_leftovers(_folders(plan, folder), outputs)
         if manifest.damaged:
             lines, are = ("line", "is") if manifest.damaged == 1 else ("lines", "are")

@@ -14,7 +14,7 @@ from mitsonar.device.files import FilePath, check_readable, clear_left, replacin
 
 from .execute import created, default_folder, preview
 from .manifest import Line, hold, key, lines, sha256, versions
-from .parts import MANIFEST, WHOLE, Part, manifests
+from .parts import MANIFEST, WHOLE, manifests, part_of
 from .plan import Plan, load_plan
 
 
@@ -83,7 +83,7 @@ def merge(plan: Plan | FilePath, folders: Sequence[FilePath], folder: FilePath |
             check_readable(os.path.join(source, name), "the manifest", "a manifest of a sweep")
     sources += [folder] if folder not in sources and manifests(folder) else []
     with created(folder, keep=False), contextlib.ExitStack() as held:
-        runs = [(source, _part(name)) for source in sources for name in manifests(source)]
+        runs = [(source, part_of(name)) for source in sources for name in manifests(source)]
         for source, part in dict.fromkeys([*runs, (folder, WHOLE)]):
             with _unless_read_only():
                 held.callback(os.close, hold(source, part))
@@ -184,9 +184,3 @@ def _bring(source, target):
             os.link(os.path.realpath(source), temporary)
         except OSError:                                # another disk, or one without links
             shutil.copyfile(source, temporary)
-
-
-def _part(name):
-    """Return the part of a manifest's name."""
-    numbers = name.removeprefix("manifest.part-").removesuffix(".jsonl").split("-of-")
-    return WHOLE if name == MANIFEST else Part(number=int(numbers[0]), count=int(numbers[1]))

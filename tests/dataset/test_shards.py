@@ -1,6 +1,7 @@
 """Samples and shards: what a tar holds, whole shards with the same bytes, subsets without a common seabed, the card."""
 import io
 import json
+import re
 import tarfile
 
 import numpy as np
@@ -236,6 +237,16 @@ def test_odd_names_stay_in_their_cells(tmp_path):
     for words in ({"title": "a\n---\nb"}, {"authors": 5}):
         with pytest.raises(ValueError, match="give a text of one line"):
             check_words(words)
+
+
+def test_columns_of_like_names_have_identifiers_of_their_own(tmp_path):
+    (tmp_path / "sweep").mkdir()
+    counts = {"a b": 1, "a_b": 2, "a%20b": 3, "à/#?b": 4}
+    write_shards([hostile(tmp_path / "sweep", counts=counts)], tmp_path / "set")
+    fields = json.loads((tmp_path / "set" / "croissant.json").read_text(encoding="utf-8"))["recordSet"][0]["field"]
+    assert len({field["@id"] for field in fields}) == len(fields)
+    assert {field["source"]["extract"]["column"] for field in fields} >= {f"count_{name}" for name in counts}
+    assert all(re.fullmatch(r"pictures/[\w.~%-]+", field["@id"], re.ASCII) for field in fields)
 
 
 def test_what_a_killed_run_left_is_removed(sweep, tmp_path):
