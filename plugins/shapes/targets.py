@@ -23,6 +23,7 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.io.scene_files import meshes
+from mitsonar.io.scene_files.mesh_lists import MeshStatement, statement
 from mitsonar.scene.errors import plain
 from mitsonar.scene.protocols import is_seabed, strewn_shape
 from mitsonar.seabed.bed import Bed
@@ -42,7 +43,8 @@ SPECK = 0.001                      # [m] side of the one buried triangle of a sh
 ATTRIBUTES = (
     Files("meshes", default=None, otherwise="needed but for stones",
           text='folder of `.ply` and `.obj` files beside the scene, or "mine.ply, rock.obj": metres, z up, '
-               "front to +y, the origin anywhere; their names are species"),
+               "front to +y, the origin anywhere, unless meshes.toml beside them states other units; their names are "
+               "species"),
     Text("species", default=None, otherwise="all",
          text='species to use: "cylinder, tyre", or stones that need no mesh: "rounded_stone, angular_stone"'),
     Numbers("weights", default=None, otherwise="alike", text='relative frequency of each species: "3, 1"'),
@@ -90,7 +92,8 @@ class Targets(mi.Mesh):
                          next((shape for shape in shapes if strewn_shape(shape) is None), None))
         if bed_shape is None:
             raise attributes.error('a seabed is missing; refer to one: <ref id="seabed"/>.')
-        species = _species(attributes)
+        self.mesh_sources: dict[str, tuple[str, MeshStatement]] = {}       # path and statement by species
+        species = _species(attributes, self.mesh_sources)
         if rules.weights is not None and len(rules.weights) != len(species):
             raise attributes.error(f"weights are {len(rules.weights)} numbers for {len(species)} species "
                                    f"({', '.join(kind[0].name for kind in species)}); give one each.")
@@ -119,7 +122,9 @@ class Targets(mi.Mesh):
         if scour is not None:
             marks = [Footprint.of(target.vertices, target.body.faces, target.position[2]) for target in targets]
             cut(attributes, bed_shape, scour, [mark for mark in marks if mark is not None])
-        self.part_names = tuple(f"{target.body.name}.{identity}.{target.number}" for target in targets)
+        classes = {name: source.class_name or name for name, (_, source) in self.mesh_sources.items()}
+        self.part_names = tuple(f"{classes.get(target.body.name, target.body.name)}.{identity}.{target.number}"
+                                for target in targets)
         self.placed = {name: _record_of(target) for name, target in zip(self.part_names, targets)}
         if targets:
             mesh = _joined(targets)
@@ -186,8 +191,8 @@ def _files(attributes, text):
     return known
 
 
-def _species(attributes):
-    """Return the bodies of each species in use, one or many."""
+def _species(attributes, sources):
+    """Return the bodies of each species in use, one or many, and add paths and statements of meshes to ``sources``."""
     names = [name.strip() for name in (attributes.species or "").split(",") if name.strip()]
     if attributes.meshes is None and not (names and set(names) <= set(KINDS)):
         raise attributes.error(f"meshes is missing; give a folder or files, or species that need none: "
@@ -203,10 +208,14 @@ def _species(attributes):
                                f'there are {" and ".join(KINDS)}.')
     if len(set(names)) < len(names):
         raise attributes.error("species names one twice; to have it drawn more often, give weights.")
-    return [stones(name) if name in KINDS else (_body(attributes, files[name]),) for name in names]
+    try:
+        sources.update({name: (files[name], statement(files[name])) for name in names if name in files})
+    except (ValueError, OSError) as error:
+        raise attributes.error(f"{error}.") from None
+    return [stones(name) if name in KINDS else (_body(attributes, *sources[name]),) for name in names]
 
 
-def _body(attributes, path):
+def _body(attributes, path, stated):
     """Read a mesh by Mitsuba's own reader."""
     stem, suffix = os.path.splitext(os.path.basename(path))
     try:
@@ -216,7 +225,7 @@ def _body(attributes, path):
         raise attributes.error(f"the mesh {path} cannot be read ({said}); export it again, in triangles.") from None
     try:
         vertices, faces = mesh_arrays(mesh)
-        return Body(name=stem, vertices=vertices, faces=faces)
+        return Body(name=stem, vertices=stated.placed(vertices), faces=faces)
     except ValueError as error:
         raise attributes.error(f"{error}.") from None
 
