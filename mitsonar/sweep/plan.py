@@ -19,17 +19,19 @@ from mitsonar.device.spelling import meant
 from mitsonar.io.scene_files import scenes, tables
 from mitsonar.labels.samples import key_of
 
+from .balance import balance_of
 from .inputs import Inputs
 from .manifest import sha256
 from .names import Pattern
 from .products import labels_of, options_digest, soundings_of
-from .values import Draw, axis, draw, random_bits, shortened, value, whole
+from .strata import draw, stratified_bits
+from .values import Draw, axis, random_bits, shortened, value, whole
 
 MOST_RENDERS = 1_000_000
 LARGEST_PLAN, LARGEST_TABLE = 10_000_000, 200_000_000           # bytes
 MOST_SEEDS = 1 << 32                                            # limit of `mitsonar.render`
 KEYS = ("scene", "output", "seed", "seeds", "samples", "previews", "redraw", "classes", "table", "set", "list", "grid",
-        "draw", "soundings", "labels")
+        "draw", "soundings", "labels", "balance")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,6 +97,8 @@ class Plan:
         Options of `mitsonar.soundings` and of its file, if renders are lines of soundings; None for pictures.
     labels : dict or None
         Rules of labels, if renders are samples; None for others.
+    balance : dict or None
+        Numbers and shares of labelled pictures that are asked for; see `mitsonar.sweep.balance`.
     """
 
     path: str
@@ -116,6 +120,7 @@ class Plan:
     stamp: str = field(repr=False)
     soundings: dict[str, Any] | None = None
     labels: dict[str, Any] | None = None
+    balance: dict[str, Any] | None = None
 
     def __len__(self):
         return self.samples * self._seeds() * math.prod(self._sizes())
@@ -137,13 +142,15 @@ class Plan:
             rest, place = divmod(rest, size)
             places.insert(0, place)
         sample, (repeat, row, item, *crossed) = rest, places
-        combination = index % math.prod(sizes[1:])
+        combination = index % (combinations := math.prod(sizes[1:]))
         parameters = {**self.fixed, **{name: column[row] for name, column in self.table.items()},
                       **{name: column[item] for name, column in self.lists.items()},
                       **{name: column[place] for (name, column), place in zip(self.grid.items(), crossed)},
-                      **{name: drawn.at(random_bits(self.seed, name, combination, sample,
-                                                    *(["again", redrawn] if redrawn and name in self.redraw else [])))
-                         for name, drawn in self.draws.items()}}
+                      **{name: drawn.at(stratified_bits(self.seed, name, sample * combinations + combination, *again)
+                                        if drawn.stratified else
+                                        random_bits(self.seed, name, combination, sample, *again))
+                         for name, drawn in self.draws.items()
+                         for again in [["again", redrawn] if redrawn and name in self.redraw else []]}}
         seed = (random_bits(self.seed, "", combination, sample, repeat) % MOST_SEEDS if isinstance(self.seeds, int)
                 else self.seeds[repeat])
         return Render(index=index, output=self.pattern.name(index, seed, parameters), parameters=parameters, seed=seed,
@@ -252,7 +259,7 @@ def _plan(path, place, home, given):
     classes = _names(given, "classes") or None
     labels = labels_of(dict(_section(given, "labels")), pattern.suffix, previews, classes)
     plan = Plan(path=path, scene=scene, home=home, seed=seed, pattern=pattern, seeds=seeds, soundings=soundings,
-                labels=labels,
+                labels=labels, balance=balance_of(given.get("balance"), labels, classes or ()),
                 samples=samples, previews=previews, fixed=fixed, table=table, lists=lists, grid=grid, draws=draws,
                 redraw=_names(given, "redraw"), classes=classes, inputs=inputs,
                 stamp=_stamp(path, *([os.path.join(place, given["table"])] if "table" in given else [])))

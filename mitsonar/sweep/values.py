@@ -26,6 +26,7 @@ class Draw:
     what: str  # its name in the plan
     at: Callable[[int], Any]  # value for an integer of 256 random bits
     choices: tuple = ()  # all possible values; empty for continuous distributions and integers
+    stratified: bool = False  # its bits are those of `strata.stratified_bits`
 
 
 def value(given: object, where: str) -> Any:
