@@ -7,7 +7,7 @@ from __future__ import annotations
 import json
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
@@ -27,6 +27,7 @@ WORDS = ("title", "licence", "authors", "homepage")
 UNTOLD = {"title": "Simulated sonar images", "licence": "unknown", "authors": "unknown", "homepage": ""}
 SPLITS = {"val": "validation"}     # names of subsets at Hugging Face, where they differ
 SIZES = ((1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K"), (1_000_000, "100K<n<1M"))
+MESH = ("mesh", "class", "licence", "author", "source", "sha256")
 LIMITS = ("Every picture is computed, none is recorded. What a sonar hears follows from the scene: sea floors, objects "
           "and water are models of their kind. Test detectors that learned from them alone on recordings.")
 CONTEXT = {"@language": "en", "@vocab": "https://schema.org/", "cr": "http://mlcommons.org/croissant/",
@@ -84,7 +85,7 @@ def _readme(shards, pictures, told):
         "|---" * (3 + len(names)) + "|", *rows, "",
         "Objects are counted once in every picture. Subsets share no seabed, unless they were split by a parameter.",
         "", "## Class balance", "", *_balanced(shards), "", "## What was drawn", "", *_drawn(samples),
-        "", "## Physics", "", *_physics(pictures), "", "## Limits", "",
+        "", "## Meshes", "", *_meshes(pictures), "", "## Physics", "", *_physics(pictures), "", "## Limits", "",
         LIMITS, "", "## How to make it again", "",
         "Every record follows from its scene, parameters, seed and versions, which stand in its JSON and in "
         "`index.parquet`: on the same instruction set by the same bytes, on others with the same levels but for "
@@ -130,6 +131,21 @@ def _drawn(samples):
     return rows if len(rows) > 2 else ["Nothing but the seed."]
 
 
+def meshes_in(pictures: Iterable[Mapping[str, Any]]) -> Counter[tuple[str, ...]]:
+    """Return the number of pictures of every mesh: name, class, licence, author, source, SHA-256."""
+    return Counter(key for picture in pictures for key in {tuple(mesh[name] for name in MESH)
+                                                           for mesh in picture.get("meshes") or ()})
+
+
+def _meshes(pictures):
+    """Return a table of the meshes, with their licences."""
+    known = meshes_in(picture for _, _, picture in pictures)
+    if not known:
+        return ["No scene of these pictures has a mesh from a file."]
+    return ["| mesh | class | licence | author | source | pictures |", "|---|---|---|---|---|---|",
+            *(f"| {' | '.join(map(_cell, mesh[:5]))} | {count:,} |" for mesh, count in sorted(known.items()))]
+
+
 def _physics(pictures):
     kinds = Counter((picture.get("sonar"), picture.get("frequency"), picture.get("file")) for _, _, picture in pictures)
     return [f"- {count:,} pictures of a {str(sonar).replace('_', ' ')}"
@@ -163,6 +179,10 @@ def _croissant(shards, folder, pictures, told):
             "name": told["title"], "description": f"{len(pictures):,} labelled pictures of a simulated sonar. {LIMITS}",
             "license": told["licence"], "url": told["homepage"] or "about:blank", "version": "1.0.0",
             "creator": {"@type": "sc:Organization", "name": told["authors"]},
+            "isBasedOn": [{"@type": "sc:CreativeWork", "name": f"mesh {mesh}", "license": licence, "sha256": digest,
+                           "creator": {"@type": "sc:Organization", "name": author}, "description": f"Source: {source}"}
+                          for mesh, _, licence, author, source, digest in sorted(
+                              meshes_in(picture for _, _, picture in pictures))],
             "distribution": [{"@type": "cr:FileObject", "@id": name, "name": name, "contentUrl": name,
                               "encodingFormat": kind, "sha256": sha256(folder / name)} for name, kind in files],
             "recordSet": [{"@type": "cr:RecordSet", "@id": "pictures", "name": "pictures",

@@ -24,6 +24,7 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.io.scene_files import meshes
+from mitsonar.io.scene_files.mesh_lists import MeshStatement, statement
 from mitsonar.scene.errors import plain
 from mitsonar.scene.protocols import is_seabed, strewn_shape
 from mitsonar.seabed.bed import Bed
@@ -44,7 +45,8 @@ SPECK = 0.001                      # [m] side of the one buried triangle of a sh
 ATTRIBUTES = (
     Files("meshes", default=None, otherwise="needed but for stones",
           text='folder of `.ply` and `.obj` files beside the scene, or "mine.ply, rock.obj": metres, z up, '
-               "front to +y, the origin anywhere; their names are species"),
+               "front to +y, the origin anywhere, unless meshes.toml beside them states other units; their names are "
+               "species"),
     Text("species", default=None, otherwise="all",
          text='species to use: "cylinder, tyre", or stones that need no mesh: "rounded_stone, angular_stone"'),
     Numbers("weights", default=None, otherwise="alike", text='relative frequency of each species: "3, 1"'),
@@ -92,7 +94,8 @@ class Targets(mi.Mesh):
                          next((shape for shape in shapes if strewn_shape(shape) is None), None))
         if bed_shape is None:
             raise attributes.error('a seabed is missing; refer to one: <ref id="seabed"/>.')
-        species = _species(attributes)
+        self.mesh_sources: dict[str, tuple[str, MeshStatement]] = {}       # path and statement by species
+        species = _species(attributes, self.mesh_sources)
         if rules.weights is not None and len(rules.weights) != len(species):
             raise attributes.error(f"weights are {len(rules.weights)} numbers for {len(species)} species "
                                    f"({', '.join(kind[0].name for kind in species)}); give one each.")
@@ -121,7 +124,9 @@ class Targets(mi.Mesh):
         if scour is not None:
             marks = [Footprint.of(target.vertices, target.body.faces, target.position[2]) for target in targets]
             cut(attributes, bed_shape, scour, [mark for mark in marks if mark is not None])
-        self.part_names = tuple(f"{target.body.name}.{identity}.{target.number}" for target in targets)
+        classes = {name: source.class_name or name for name, (_, source) in self.mesh_sources.items()}
+        self.part_names = tuple(f"{classes.get(target.body.name, target.body.name)}.{identity}.{target.number}"
+                                for target in targets)
         self.placed = {name: _record_of(target) for name, target in zip(self.part_names, targets)}
         if targets:
             mesh = _joined(targets)
@@ -188,8 +193,8 @@ def _files(attributes, text):
     return known
 
 
-def _species(attributes):
-    """Return the bodies of each species in use, one or many."""
+def _species(attributes, sources):
+    """Return the bodies of each species in use, one or many, and add paths and statements of meshes to ``sources``."""
     names = [name.strip() for name in (attributes.species or "").split(",") if name.strip()]
     if attributes.meshes is None and not (names and set(names) <= set(KINDS)):
         raise attributes.error(f"meshes is missing; give a folder or files, or species that need none: "
@@ -205,14 +210,18 @@ def _species(attributes):
                                f'there are {" and ".join(KINDS)}.')
     if len(set(names)) < len(names):
         raise attributes.error("species names one twice; to have it drawn more often, give weights.")
-    return [stones(name) if name in KINDS else (_body(attributes, *files[name]),) for name in names]
+    try:
+        sources.update({name: (files[name][0], statement(files[name][0])) for name in names if name in files})
+    except (ValueError, OSError) as error:
+        raise attributes.error(f"{error}.") from None
+    return [stones(name) if name in KINDS else (_body(attributes, *files[name], sources[name][1]),) for name in names]
 
 
-def _body(attributes, path, content):
+def _body(attributes, path, content, stated):
     """Return the body of a mesh file; a small one is kept for the next scenes, as its hull takes longer than reading.
     """
     try:
-        return (_kept if os.path.getsize(path) < SMALL else _read)(path, content)
+        return (_kept if os.path.getsize(path) < SMALL else _read)(path, content, stated)
     except (RuntimeError, UnicodeDecodeError) as error:
         said = plain(error).removeprefix('object "root": ')
         raise attributes.error(f"the mesh {path} cannot be read ({said}); export it again, in triangles.") from None
@@ -220,15 +229,15 @@ def _body(attributes, path, content):
         raise attributes.error(f"{error}.") from None
 
 
-def _read(path, content):
+def _read(path, content, stated):
     """Read a mesh by Mitsuba's own reader."""
     stem, suffix = os.path.splitext(os.path.basename(path))
     mesh = mi.load_dict({"type": suffix[1:].lower(), "filename": path}, parallel=False, optimize=False)
     vertices, faces = mesh_arrays(mesh)
-    return Body(name=stem, vertices=vertices, faces=faces)
+    return Body(name=stem, vertices=stated.placed(vertices), faces=faces)
 
 
-_kept = functools.lru_cache(maxsize=MOST_KEPT)(_read)                  # by path and content
+_kept = functools.lru_cache(maxsize=MOST_KEPT)(_read)                  # by path, content and statement
 
 
 def _bed(attributes, shape):

@@ -201,7 +201,8 @@ def test_samples_without_pictures_are_left_out_of_a_split(tmp_path):
 
 
 @pytest.mark.parametrize("about", [{"negatives": [1]}, {"negatives": {"a": "b"}}, {"negative_class": 5},
-                                   {"counts": []}, {"counts": {"box": "many"}}, {"width": None},
+                                   {"meshes": [{"mesh": "a"}]}, {"meshes": 5}, {"counts": []},
+                                   {"counts": {"box": "many"}}, {"width": None},
                                    {"height": 1 << 40}, {"seabed": "\ud800"}])
 def test_a_picture_described_by_other_things_is_refused(tmp_path, about):
     (tmp_path / "sweep").mkdir()
@@ -256,6 +257,24 @@ def test_the_card_says_what_was_asked_for_and_what_there_is(tmp_path, capfd):
     import pyarrow.parquet as parquet
 
     assert parquet.read_table(tmp_path / "set" / "index.parquet").to_pylist()[0]["negative_stone|"] == 3
+
+
+def test_meshes_stand_on_the_card_and_those_without_licence_in_a_warning(tmp_path, capfd):
+    import pyarrow.parquet as parquet
+
+    from mitsonar.cli import main as cli
+
+    (tmp_path / "sweep").mkdir()
+    said = {"class": "mine", "author": "A|B", "source": "x", "sha256": "00"}
+    meshes = [{"mesh": "manta", "licence": "CC0-1.0", **said}, {"mesh": "rock", "licence": "not stated", **said}]
+    hostile(tmp_path / "sweep", [{}, {}], meshes=meshes)
+    assert cli.main(["shards", str(tmp_path / "sweep"), "-o", str(tmp_path / "set")]) == 0
+    assert "no licence is stated of 1 mesh: rock; state it in meshes.toml beside them" in capfd.readouterr().err
+    card = (tmp_path / "set" / "README.md").read_text(encoding="utf-8")
+    assert "| manta | mine | CC0-1.0 | A\\|B | x | 2 |" in card and "| rock | mine | not stated |" in card
+    assert parquet.read_table(tmp_path / "set" / "index.parquet").to_pylist()[0]["meshes"] == "manta, rock"
+    croissant = json.loads((tmp_path / "set" / "croissant.json").read_text(encoding="utf-8"))
+    assert {work["license"] for work in croissant["isBasedOn"]} == {"CC0-1.0", "not stated"}
 
 
 def test_a_manifest_with_an_impossible_balance_is_refused(tmp_path):

@@ -148,6 +148,23 @@ def test_meshes_may_be_files_of_either_kind(strewn, tmp_path):
     assert {told["species"] for told in shape.placed.values()} == {"mine"}
 
 
+def test_a_folder_states_class_units_and_axes_of_its_meshes(strewn, tmp_path):
+    """A tetrahedron of 400 mm whose file has y up stands as high as the same in metres, z up."""
+    corners = TETRAHEDRON.replace("0 0 1\n3", "0 2 0\n3")
+    (tmp_path / "peak.ply").write_text(corners.replace("1 0 0\n0 1 0\n0 2 0", "200 0 0\n0 0 -200\n0 400 0"))
+    (tmp_path / "meshes.toml").write_text('unit = "mm"\nup = "y"\n[peak]\nclass = "mine"\nlicence = "CC0-1.0"\n')
+    shape, scene = strewn(meshes=str(tmp_path), count=3, heading_deg="0")
+    assert shape.part_names == ("mine.mines.1", "mine.mines.2", "mine.mines.3")
+    vertices, _ = geometry_of(shape)
+    first = vertices[:4] - vertices[:4].min(axis=0)
+    np.testing.assert_allclose(first.max(axis=0), [0.2, 0.2, 0.4], atol=1e-5)
+    assert {entry["species"] for entry in shape.placed.values()} == {"peak"}
+    assert shape.mesh_sources["peak"][1].licence == "CC0-1.0"
+    (tmp_path / "meshes.toml").write_text("[peek]\n")
+    with pytest.raises(Exception, match=r'has the table \[peek\] \(did you mean "peak"\?\)'):
+        strewn(meshes=str(tmp_path), count=3)
+
+
 @pytest.mark.parametrize("attributes, said", [
     ({"meshes": "nowhere"}, 'meshes names "nowhere", which is no folder; it is looked for beside the scene'),
     ({"meshes": " "}, "meshes is empty; give a folder, or files"),
