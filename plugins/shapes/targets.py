@@ -14,6 +14,7 @@ one of 24 stones of about a metre, so that ``scale`` is its length in metres.
         <ref id="steel"/>
     </shape>
 """
+import functools
 import os
 import warnings
 import zlib
@@ -38,6 +39,7 @@ from .grid_mesh import MATERIAL, GridMesh, fill
 from .scoured import SCOUR, cut, mesh_arrays, scour_of, vertices_before
 
 MOST_FACES = 5_000_000
+SMALL, MOST_KEPT = 1_000_000, 64   # bytes of a mesh file that is kept, and number of those
 SPECK = 0.001                      # [m] side of the one buried triangle of a shape without targets
 
 ATTRIBUTES = (
@@ -165,7 +167,7 @@ def _check_box(attributes, name, box):
 
 
 def _files(attributes, text):
-    """Return the paths of the meshes by species, sorted for a folder."""
+    """Return the paths of the meshes and the SHA-256 of their content by species, sorted for a folder."""
     folder = resolved(text.strip())
     try:
         if not text.strip():
@@ -177,17 +179,17 @@ def _files(attributes, text):
                              "where you are")
         else:
             paths = [resolved(name.strip()) for name in text.split(",")]
-        for path in paths:
-            meshes.check_target(path)
+        contents = [meshes.check_target(path) for path in paths]
     except (ValueError, OSError) as error:
         raise attributes.error(f"{error}.") from None
     known = {}
-    for path in paths:
+    for path, content in zip(paths, contents):
         stem = os.path.splitext(os.path.basename(path))[0]
         if "." in stem or stem in known:
-            said = "has a dot in its name, where its class would end" if "." in stem else f"is called as {known[stem]}"
+            said = ("has a dot in its name, where its class would end" if "." in stem
+                    else f"is called as {known[stem][0]}")
             raise attributes.error(f"the mesh {path} {said}; rename it.")
-        known[stem] = path
+        known[stem] = path, content
     return known
 
 
@@ -200,7 +202,7 @@ def _species(attributes, sources):
     files = {} if attributes.meshes is None else _files(attributes, attributes.meshes)
     taken = [name for name in KINDS if name in files]
     if taken:
-        raise attributes.error(f"the mesh {files[taken[0]]} has the name of the stones {taken[0]}; rename it.")
+        raise attributes.error(f"the mesh {files[taken[0]][0]} has the name of the stones {taken[0]}; rename it.")
     names = names or list(files)
     unknown = [name for name in names if name not in (*files, *KINDS)]
     if unknown:
@@ -209,25 +211,33 @@ def _species(attributes, sources):
     if len(set(names)) < len(names):
         raise attributes.error("species names one twice; to have it drawn more often, give weights.")
     try:
-        sources.update({name: (files[name], statement(files[name])) for name in names if name in files})
+        sources.update({name: (files[name][0], statement(files[name][0])) for name in names if name in files})
     except (ValueError, OSError) as error:
         raise attributes.error(f"{error}.") from None
-    return [stones(name) if name in KINDS else (_body(attributes, *sources[name]),) for name in names]
+    return [stones(name) if name in KINDS else (_body(attributes, *files[name], sources[name][1]),) for name in names]
 
 
-def _body(attributes, path, stated):
-    """Read a mesh by Mitsuba's own reader."""
-    stem, suffix = os.path.splitext(os.path.basename(path))
+def _body(attributes, path, content, stated):
+    """Return the body of a mesh file; a small one is kept for the next scenes, as its hull takes longer than reading.
+    """
     try:
-        mesh = mi.load_dict({"type": suffix[1:].lower(), "filename": path}, parallel=False, optimize=False)
+        return (_kept if os.path.getsize(path) < SMALL else _read)(path, content, stated)
     except (RuntimeError, UnicodeDecodeError) as error:
         said = plain(error).removeprefix('object "root": ')
         raise attributes.error(f"the mesh {path} cannot be read ({said}); export it again, in triangles.") from None
-    try:
-        vertices, faces = mesh_arrays(mesh)
-        return Body(name=stem, vertices=stated.placed(vertices), faces=faces)
     except ValueError as error:
         raise attributes.error(f"{error}.") from None
+
+
+def _read(path, content, stated):
+    """Read a mesh by Mitsuba's own reader."""
+    stem, suffix = os.path.splitext(os.path.basename(path))
+    mesh = mi.load_dict({"type": suffix[1:].lower(), "filename": path}, parallel=False, optimize=False)
+    vertices, faces = mesh_arrays(mesh)
+    return Body(name=stem, vertices=stated.placed(vertices), faces=faces)
+
+
+_kept = functools.lru_cache(maxsize=MOST_KEPT)(_read)                  # by path, content and statement
 
 
 def _bed(attributes, shape):

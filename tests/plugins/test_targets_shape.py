@@ -238,3 +238,22 @@ def test_a_folder_without_meshes_and_beds_that_are_none_are_refused(strewn, make
     assert 'a seabed is missing; refer to one: <ref id="seabed"/>' in said(
         lambda: make("targets", meshes=FOLDER, count=2))
     assert "is no mesh; refer to a seabed" in said(lambda: strewn(ground={"type": "sphere"}, count=2))
+
+
+def test_a_mesh_is_read_once_for_scenes_and_again_when_its_content_differs(strewn, tmp_path, monkeypatch):
+    # Same size and time, so that nothing but the content shows the change.
+    import os
+
+    from mitsonar.plugins.shapes import targets
+
+    read, path = [], tmp_path / "tetrahedron.ply"
+    monkeypatch.setattr(targets.mi, "load_dict", lambda d, load=targets.mi.load_dict, **kw: (
+        read.append(d["filename"]) if d["type"] == "ply" else None, load(d, **kw))[1])
+    heights = []
+    for text in (TETRAHEDRON, TETRAHEDRON, TETRAHEDRON.replace("0 0 1", "0 0 2")):
+        path.write_text(text)
+        os.utime(path, ns=(10**18, 10**18))
+        vertices, _ = geometry_of(strewn(count=1, meshes=str(path), seed=1)[0])
+        heights.append(float(np.ptp(vertices[:, 2])))
+    assert heights == pytest.approx([1, 1, 2], rel=1e-5)
+    assert len(read) == 2
