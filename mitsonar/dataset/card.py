@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -15,6 +16,7 @@ from urllib.parse import quote
 import numpy as np
 
 from mitsonar.device.files import replacing
+from mitsonar.io.scene_files import scenes
 from mitsonar.sweep.balance import tally_said
 from mitsonar.sweep.manifest import sha256
 
@@ -30,13 +32,16 @@ SIZES = ((1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K"), (1_000_
 MESH = ("mesh", "class", "licence", "author", "source", "sha256")
 LIMITS = ("Every picture is computed, none is recorded. What a sonar hears follows from the scene: sea floors, objects "
           "and water are models of their kind. Test detectors that learned from them alone on recordings.")
+# names of Croissant 1.0; a reader compares the list with its own
 CONTEXT = {"@language": "en", "@vocab": "https://schema.org/", "cr": "http://mlcommons.org/croissant/",
-           "sc": "https://schema.org/", "dct": "http://purl.org/dc/terms/", "citeAs": "cr:citeAs",
-           "conformsTo": "dct:conformsTo", "column": "cr:column", "data": {"@id": "cr:data", "@type": "@json"},
-           "dataType": {"@id": "cr:dataType", "@type": "@vocab"}, "extract": "cr:extract", "field": "cr:field",
-           "fileObject": "cr:fileObject", "fileSet": "cr:fileSet", "includes": "cr:includes",
-           "key": "cr:key", "md5": "cr:md5", "recordSet": "cr:recordSet", "references": "cr:references",
-           "source": "cr:source", "subField": "cr:subField", "transform": "cr:transform"}
+           "sc": "https://schema.org/", "dct": "http://purl.org/dc/terms/", "rai": "http://mlcommons.org/croissant/RAI/",
+           "conformsTo": "dct:conformsTo", "data": {"@id": "cr:data", "@type": "@json"},
+           "dataType": {"@id": "cr:dataType", "@type": "@vocab"}, "examples": {"@id": "cr:examples", "@type": "@json"},
+           **{name: f"cr:{name}" for name in (
+               "citeAs", "column", "equivalentProperty", "extract", "field", "fileObject", "fileProperty", "fileSet",
+               "format", "includes", "isLiveDataset", "jsonPath", "key", "md5", "parentField", "path", "recordSet",
+               "references", "regex", "repeated", "replace", "samplingRate", "separator", "source", "subField",
+               "transform")}}
 
 
 def check_words(about: Mapping[str, Any]) -> None:
@@ -89,7 +94,7 @@ def _readme(shards, pictures, told):
         LIMITS, "", "## How to make it again", "",
         "Every record follows from its scene, parameters, seed and versions, which stand in its JSON and in "
         "`index.parquet`: on the same instruction set by the same bytes, on others with the same levels but for "
-        "rounding.", "", *_made(samples)])
+        "rounding. The first one is made again by", "", *_again(samples[0]), "", *_made(samples)])
 
 
 def _balanced(shards):
@@ -153,6 +158,15 @@ def _physics(pictures):
             for (sonar, frequency, scene), count in kinds.most_common()] + [
         "- rays through refracting water, the sonar equation with measured scattering laws, speckle, noise, and the "
         "receiver's own flaws, as the scene states them"]
+
+
+def _again(sample):
+    """Return the command that renders a sample's record again."""
+    words = ["python3", "-m", "mitsonar", "render", str(sample.pictures[0].get("file"))]
+    for name, value in sample.record["parameters"].items():
+        words += ["-D", f"{name}={scenes.text(name, value)}"]
+    command = shlex.join([*words, "--seed", str(sample.record["seed"]), "-o", "record.exr"])
+    return ["```bash", " ".join(command.split()), "```"]
 
 
 def _made(samples):

@@ -99,6 +99,7 @@ def test_shards_hold_every_sample_once_in_mixed_order_and_keep_seabeds_apart(swe
         sample.path.stem for shard in shards if shard.subset == "val" for sample in shard.samples}
     assert table[0]["count_box"] == 1 and table[0]["parameter_preset"] == "a" and table[0]["instruction_set"] == "AVX2"
     card = (tmp_path / "set" / "README.md").read_text(encoding="utf-8")
+    assert re.search(r"\npython3 -m mitsonar render \S+ -D bed=\d -D preset=a --seed \d+ -o record\.exr\n", card)
     assert "license: cc-by-4.0" in card and "| train | 6 | 6 | 6 |" in card and "| bed | 0 to 3, median 1.5 |" in card
     croissant = json.loads((tmp_path / "set" / "croissant.json").read_text(encoding="utf-8"))
     assert {file["name"]: file["sha256"] for file in croissant["distribution"]}["train-00000.tar"] == sha256(

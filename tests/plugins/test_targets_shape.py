@@ -172,7 +172,7 @@ def test_a_folder_states_class_units_and_axes_of_its_meshes(strewn, tmp_path):
     ({"meshes": "a.ply, b.stl"}, 'meshes names "a.ply, b.stl", which is no folder'),
     ({"species": "cylinder, mermaid"}, 'no species is called "mermaid"; meshes holds anchor, boulder'),
     ({"species": "tyre, tyre"}, "species names one twice"),
-    ({"weights": "1, 2"}, "weights are 2 numbers for 12 species (anchor, boulder"),
+    ({"weights": "1, 2"}, "weights are 2 numbers for 13 species (anchor, boulder"),
     ({"weights": "0, 0"}, "weights are not at least 0, one of them above"),
     ({"count": "3, 8.5"}, 'count is 3, 8.5; expected a whole number or two, "low, high", from 0 to 100000'),
     ({"count": -1}, "count is -1; expected a whole number"),
