@@ -12,8 +12,8 @@ from test_sweep_runs import Pool, left
 
 from mitsonar.sweep import estimate, execute, load_plan, merging, run
 from mitsonar.sweep.drawing.shares import SharedTurns
-from mitsonar.sweep.drawing.splits import SUBSETS
 from mitsonar.sweep.execute import only
+from mitsonar.sweep.manifest import SUBSETS
 from mitsonar.sweep.parts import Part
 
 SCENES = """

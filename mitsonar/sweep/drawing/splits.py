@@ -14,11 +14,11 @@ from typing import Any
 from mitsonar.device.spelling import meant
 from mitsonar.io.scene_files import scenes
 
+from ..manifest import SUBSETS
 from ..recipe import Recipe, RecipePlace
 from ..values import fraction, number, random_bits, shortened
 from .shares import SharedTurns
 
-SUBSETS = ("train", "val", "test")
 MOST_TRIES = 2000                  # draws of a group; a subset of 1 % is missed once in 5e8
 MOST_LISTED = 100_000              # groups that have turns
 
