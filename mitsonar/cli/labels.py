@@ -6,7 +6,7 @@ import sys
 from .arguments import Commands, add_gain, gain, whole
 from .completion import add_file
 from .progress import Progress
-from .words import announce
+from .words import announce, warn
 
 
 def add(commands: Commands) -> None:
@@ -32,6 +32,10 @@ def add(commands: Commands) -> None:
     labels.add_argument("--classes", metavar="NAMES",
                         help="names of objects, numbered in this order, such as \"cylinder, tyre\"; default: those of "
                              "the plan or images")
+    labels.add_argument("--negatives", default="", metavar="NAMES",
+                        help="names of objects that a detector must not find, such as \"rounded_stone, tyre\": they "
+                             "get no annotations")
+    labels.add_argument("--negative-class", metavar="NAME", help="annotate them, too, as one class of that name")
     labels.add_argument("--tile", type=_size, metavar="PINGSxBINS",
                         help="cut the pictures into tiles, as 512x512; for arrays BINSxBEAMS, in metres ROWSxCOLUMNS")
     labels.add_argument("--overlap", type=float, default=0.0, metavar="SHARE",
@@ -78,7 +82,8 @@ def _labels(arguments):
         output = f"{os.path.splitext(os.path.normpath(arguments.images[0]))[0]}_labels"
     rules = Labels(
         coco=arguments.coco, yolo=arguments.yolo, masks=arguments.masks, threshold=arguments.threshold,
-        classes=None if arguments.classes is None else [name.strip() for name in arguments.classes.split(",")],
+        classes=None if arguments.classes is None else _names(arguments.classes),
+        negatives=_names(arguments.negatives) if arguments.negatives else (), negative_class=arguments.negative_class,
         above_noise_db=arguments.above_noise, smallest=arguments.smallest,
         min_visible=arguments.min_visible, whole=arguments.whole, tile=arguments.tile,
         overlap=arguments.overlap, drop_empty=arguments.drop_empty,
@@ -95,8 +100,10 @@ def _labels(arguments):
 
 
 def _shards(arguments):
+    from mitsonar.dataset.balance import balances
     from mitsonar.dataset.shards import write_shards
     from mitsonar.dataset.split import read_shares
+    from mitsonar.sweep.balance import tally_said
 
     if arguments.split is None and arguments.split_by is not None:
         raise ValueError("a parameter to split by is given, but no split; give its shares or leave it out.")
@@ -108,7 +115,16 @@ def _shards(arguments):
                               by=arguments.split_by, about=about, progress=progress)
     samples = sum(len(shard.samples) for shard in shards)
     print(f"{samples} records in {len(shards)} shard{'s' * (len(shards) != 1)}", file=sys.stderr)
+    for sweep in balances(shards):
+        print(f"{sweep.folder}: {tally_said(sweep.tally)}", file=sys.stderr)
+        for verdict in sweep.verdicts:
+            if not verdict.met:
+                warn(f"{sweep.folder}: {verdict.words}")
     announce(arguments.output)
+
+
+def _names(text):
+    return [name.strip() for name in text.split(",")]
 
 
 def _size(text):

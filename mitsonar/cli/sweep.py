@@ -2,7 +2,7 @@
 import datetime
 import os
 
-from .arguments import Commands, whole
+from .arguments import Commands, number, whole
 from .completion import add_file
 from .progress import Progress
 from .words import announce, warn
@@ -16,6 +16,11 @@ def add(commands: Commands) -> None:
     add_file(sweep, "plan", metavar="PLAN.toml", help="plan, or the name of a plan that comes with mitsonar")
     sweep.add_argument("-o", "--output", metavar="FOLDER", help="default: the plan's name without .toml, beside it")
     sweep.add_argument("--dry-run", action="store_true", help="estimate number, time and disk space, and end")
+    sweep.add_argument("--rate-core-hour", type=number, metavar="PRICE",
+                       help="price of an hour of a core, for --dry-run")
+    sweep.add_argument("--rate-gb-month", type=number, metavar="PRICE",
+                       help="price of a GB of storage for a month, for --dry-run")
+    sweep.add_argument("--currency", default="", metavar="TEXT", help="currency of these prices")
     sweep.add_argument("--verify", action="store_true",
                        help="check the existing images, and render damaged or changed ones again")
     sweep.add_argument("--processes", type=whole, metavar="N",
@@ -70,6 +75,7 @@ def _sweep(arguments):
         warn(f"{output} failed: {error}")
     if outcome.failed > SHOWN:
         warn(f"and {outcome.failed - SHOWN} more; see the lines of the manifest with \"failed\"")
+    _print_balance(plan, outcome.labelled, outcome.kept + outcome.done)
     announce(outcome.manifest)
     return 1 if outcome.failed else 0
 
@@ -81,6 +87,11 @@ def _check_alone(arguments):
         ("--only", arguments.only is not None), ("--part-script", arguments.part_script)) if value]
     if len(given) > 1 and given != ["--dry-run", "--part"]:
         raise ValueError(f"{given[0]} and {given[1]} were given together; leave one out.")
+    rates = arguments.rate_core_hour, arguments.rate_gb_month
+    if rates != (None, None) and not arguments.dry_run:
+        raise ValueError("rates are given, but no dry run, which states prices; add --dry-run or leave them out.")
+    if rates == (None, None) and arguments.currency:
+        raise ValueError("a currency is given, but no rate; add --rate-core-hour or --rate-gb-month, or leave it out.")
     if (arguments.part_script is None) != (arguments.parts is None):
         raise ValueError("--part-script needs the number of parts, and --parts is for it; give both, such as "
                          "--part-script slurm --parts 200.")
@@ -102,8 +113,21 @@ def _merge(plan, arguments):
     if len(merged.instruction_sets) > 1:
         warn(f"the parts were made on machines of several instruction sets ({', '.join(merged.instruction_sets)}); on "
              "one of them some bytes would differ, levels by rounding only")
+    _print_balance(plan, merged.labelled, merged.joined)
     announce(os.path.join(merged.folder, "manifest.jsonl"))
     return 0 if merged.joined == merged.total else 1
+
+
+def _print_balance(plan, tally, made):
+    """Print the numbers of labelled pictures, and warn of wishes of the plan that are not met."""
+    from mitsonar.sweep.balance import missed_said, tally_said, verdicts
+
+    if tally is None or not tally.pictures:
+        return
+    announce(tally_said(tally))
+    for verdict in verdicts(plan.balance or {}, tally, made / len(plan)):
+        if not verdict.met:
+            warn(missed_said(verdict, made, len(plan)))
 
 
 def _only(plan, arguments):
@@ -124,8 +148,8 @@ def _only(plan, arguments):
 def _by_fault(wrong):
     """Return the numbers of renders by what is wrong with them."""
     faults = {}
-    for number, fault in wrong:
-        faults.setdefault(fault, []).append(number)
+    for index, fault in wrong:
+        faults.setdefault(fault, []).append(index)
     return faults
 
 
@@ -147,7 +171,9 @@ def _print_script(plan, arguments):
 def _print_estimate(plan, part, arguments):
     from mitsonar.sweep.estimate import estimate
     from mitsonar.sweep.execute import unplanned_said
+    from mitsonar.sweep.prices import MANY, Rates, costs
 
+    rates = Rates(core_hour=arguments.rate_core_hour, gb_month=arguments.rate_gb_month, currency=arguments.currency)
     if arguments.scheduler is not None:
         raise ValueError("--dry-run estimates for this machine, not for the cluster of --scheduler; leave one out")
     cost = estimate(plan, arguments.output, processes=arguments.workers or arguments.processes,
@@ -168,6 +194,9 @@ def _print_estimate(plan, part, arguments):
             announce(f"  {scene.name}: {_count(scene.missing, 'render')}, {scene.seconds:.2g} s and "
                      f"{size_said(scene.bytes)} each")
         announce(f"disk: about {size_said(cost.bytes * cost.missing)}, and {size_said(cost.free)} are free")
+        for count, said in ((cost.missing, "in all"), (MANY, f"per {MANY:,} renders")):
+            hours, size, price = costs(cost, rates, count)
+            announce(f"{said}: {hours:.3g} core hours and {size_said(size)}" + f", {price}" * bool(price))
     return 0
 
 

@@ -10,11 +10,15 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
 
 import numpy as np
 
 from mitsonar.device.files import replacing
+from mitsonar.sweep.balance import tally_said
 from mitsonar.sweep.manifest import sha256
+
+from .balance import balances
 
 if TYPE_CHECKING:
     from .shards import Shard
@@ -79,11 +83,23 @@ def _readme(shards, pictures, told):
         "| subset | pictures | with objects | " + " | ".join(map(_cell, names)) + " |",
         "|---" * (3 + len(names)) + "|", *rows, "",
         "Objects are counted once in every picture. Subsets share no seabed, unless they were split by a parameter.",
-        "", "## What was drawn", "", *_drawn(samples), "", "## Physics", "", *_physics(pictures), "", "## Limits", "",
+        "", "## Class balance", "", *_balanced(shards), "", "## What was drawn", "", *_drawn(samples),
+        "", "## Physics", "", *_physics(pictures), "", "## Limits", "",
         LIMITS, "", "## How to make it again", "",
         "Every record follows from its scene, parameters, seed and versions, which stand in its JSON and in "
         "`index.parquet`: on the same instruction set by the same bytes, on others with the same levels but for "
         "rounding.", "", *_made(samples)])
+
+
+def _balanced(shards):
+    """Return what the plans asked for and what there is, and a line about negatives."""
+    sweeps = balances(shards)
+    rows = [f"| {_cell(verdict.what)} | {f'{verdict.asked:.1%}' if verdict.asked < 1 else f'{verdict.asked:,.0f}'} | "
+            f"{verdict.got:,} of {verdict.total:,} | {'yes' if verdict.met else 'no'} |"
+            for sweep in sweeps for verdict in sweep.verdicts]
+    told = [f"- {_cell(sweep.folder.name)}: {_cell(tally_said(sweep.tally))}" for sweep in sweeps]
+    return [*(["| asked for | at least | there are | met |", "|---|---|---|---|", *rows] if rows else
+              ["The plans asked for no numbers of objects."]), "", *told]
 
 
 def _licence(text):
@@ -137,7 +153,8 @@ def _croissant(shards, folder, pictures, told):
 
     kinds = {"int64": "sc:Integer", "double": "sc:Float", "bool": "sc:Boolean"}
     schema = parquet.read_schema(folder / "index.parquet")
-    fields = [{"@type": "cr:Field", "@id": (name := "pictures/" + field.name.replace(" ", "_")), "name": name,
+    # names of columns may hold anything, and identifiers in Croissant have no spaces
+    fields = [{"@type": "cr:Field", "@id": (name := "pictures/" + quote(field.name, safe="")), "name": name,
                "dataType": kinds.get(str(field.type), "sc:Text"),
                "source": {"fileObject": {"@id": "index.parquet"}, "extract": {"column": field.name}}}
               for field in schema]

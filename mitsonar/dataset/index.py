@@ -16,7 +16,7 @@ def write_index(shards: Sequence[Shard], path: Path) -> None:
     """Write the index of shards.
 
     Columns: ``key``, ``shard``, ``subset``, ``width``, ``height``, ``seed``, ``seabed``, ``parameter_NAME``,
-    ``count_CATEGORY``, ``seconds`` and ``sample_sha256`` of the whole record, ``instruction_set``.
+    ``count_CATEGORY``, ``negative_CLASS``, ``seconds`` and ``sample_sha256`` of the whole record, ``instruction_set``.
     """
     try:
         import pyarrow as pa
@@ -27,6 +27,7 @@ def write_index(shards: Sequence[Shard], path: Path) -> None:
              "height": picture["height"], "seed": sample.record["seed"], "seabed": picture.get("seabed"),
              **{f"parameter_{name}": value for name, value in sample.record["parameters"].items()},
              **{f"count_{name}": count for name, count in picture["counts"].items()},
+             **{f"negative_{name}": count for name, count in (picture.get("negatives") or {}).items()},
              "seconds": sample.record["seconds"], "sample_sha256": sample.record["sha256"],
              "instruction_set": sample.record.get("instruction_set")}
             for shard in shards for sample in shard.samples for picture in sample.pictures]

@@ -28,7 +28,7 @@ SUFFIX, LAYOUT = ".tar", ".shards"
 SMALLEST = 1_000_000               # bytes of a shard
 BLOCK, RECORD = 512, 10_240        # bytes, of tars
 LARGEST_JSON = 64_000_000          # bytes; those of mitsonar are far shorter
-KEPT = ("width", "height", "seabed", "counts", "sonar", "frequency", "file")       # of a picture's JSON
+KEPT = ("width", "height", "seabed", "counts", "negatives", "negative_class", "sonar", "frequency", "file")  # of a JSON
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,6 +36,7 @@ class SampleFile:
     """Finished sample of a sweep."""
 
     path: Path
+    folder: Path  # of its sweep
     record: dict[str, Any]  # its line of the manifest
     pictures: tuple[dict[str, Any], ...]  # `KEPT` of every picture's JSON, with its ``key``
     size: int  # bytes in a shard
@@ -155,7 +156,7 @@ def _sample(path, line):
                     pictures.append({"key": member.name.removesuffix(".json"), **_about(tar, member)})
     except (tarfile.TarError, ValueError, OSError) as error:
         raise ValueError(f"cannot read the sample {path}: {error}") from None
-    return SampleFile(path=path, record=record, pictures=tuple(pictures), size=size)
+    return SampleFile(path=path, folder=Path(line.folder), record=record, pictures=tuple(pictures), size=size)
 
 
 def _about(tar, member):
@@ -167,9 +168,11 @@ def _about(tar, member):
         given = json.loads(tar.extractfile(member).read())
         kept = {name: given.get(name) for name in KEPT}
         json.dumps(kept, ensure_ascii=False).encode()  # raises `ValueError` for what is no text
-        numbers = (kept["width"], kept["height"], *kept["counts"].values())
+        numbers = (kept["width"], kept["height"], *kept["counts"].values(), *(kept["negatives"] or {}).values())
     except (ValueError, AttributeError, RecursionError):
         raise wrong from None
+    if not isinstance(kept["negative_class"], str | None):
+        raise wrong
     if not all(isinstance(number, int) and 0 <= number < 1 << 32 for number in numbers):
         raise wrong
     return kept

@@ -4,7 +4,7 @@ Failed renders of a sweep are left out; `mitsonar.sweep.manifest` describes dama
 """
 import os
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -88,9 +88,9 @@ def find_sources(places: FilePath | Iterable[FilePath]) -> list[Source]:
     return [_source(path, name, entry) for (path, *_, entry), name in zip(images, names, strict=True)]
 
 
-def class_order(sources: Sequence[Source]) -> list[str]:
+def class_order(sources: Sequence[Source], negatives: Collection[str] = ()) -> list[str]:
     """Return the classes of objects in the order of their numbers: that of the plans, else alphabetical."""
-    present = sorted({name for source in sources for name in source.object_classes})
+    present = sorted({name for source in sources for name in source.object_classes} - {*negatives})
     orders = {source.planned_classes for source in sources}
     if orders <= {None}:
         return present

@@ -8,6 +8,7 @@ process.
 """
 import importlib
 from collections.abc import Callable, Iterable
+from dataclasses import fields, is_dataclass, replace
 from typing import Any, TypeVar, cast
 
 import drjit as dr
@@ -53,6 +54,19 @@ def opaque_vector(kind: type[Kept], vector: Iterable[float]) -> Kept:
 def picked(value: Kept, index: UInt32) -> Kept:
     """Return the values at these indices; an array of one value is broadcast."""
     return dr.gather(type(value), value, index if dr.width(value) > 1 else dr.zeros(type(index), dr.width(index)))
+
+
+def entries(value: Kept, index: UInt32) -> Kept:
+    """Return the entries with these numbers of all arrays in a record, list or tuple."""
+    part: Any = value
+    picks: Any = part
+    if isinstance(part, (list, tuple)):
+        picks = type(part)(entries(item, index) for item in part)
+    elif dr.is_array_v(part):
+        picks = picked(part, index)
+    elif is_dataclass(value):
+        picks = replace(part, **{field.name: entries(getattr(part, field.name), index) for field in fields(part)})
+    return picks
 
 
 def reinterpreted(kind: type[Kept], array: DrJitArray) -> Kept:

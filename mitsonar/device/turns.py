@@ -3,20 +3,85 @@
 Dr.Jit numbers its workers, and every Python thread that waits for the device is number 0. Small sums exist once for
 each worker, so two threads that wait at the same time add to the same copy, and some additions are lost. If several
 threads call mitsonar, their work is therefore done one after the other. Kernels use all cores anyway.
+
+A forked process has none of its parent's threads, so that Dr.Jit would wait for workers that are gone. The workers
+therefore end before a fork and start again in both processes. If the parent has other Python threads, workers may be at
+work for one of them and cannot end; a GPU cannot be used after a fork at all. The child is refused then, instead of
+waiting forever.
 """
 from __future__ import annotations
 
 import contextlib
 import functools
+import os
+import sys
 import threading
 from collections.abc import Callable, Generator
 from types import GeneratorType
 from typing import ParamSpec, TypeVar, cast
 
+from .llvm import BackendError
+
 P = ParamSpec("P")
 R = TypeVar("R")
 Y = TypeVar("Y")
-TURN = threading.RLock()           # held by the thread that works on the device
+
+
+class _Turn:
+    """Lock that the thread which works on the device holds, and the state of the device around a fork."""
+
+    def __init__(self):
+        self._lock = threading.RLock()
+        self._threads = 0                              # of Dr.Jit, while its workers are stopped
+        self._lost = ""                                # the reason why this process cannot use the device
+
+    def __enter__(self):
+        self.check()
+        self._lock.acquire()
+
+    def __exit__(self, *_):
+        self._lock.release()
+
+    def check(self) -> None:
+        """Raise `BackendError` in a forked process that cannot use the device."""
+        if self._lost:
+            raise BackendError(f"This process was forked from one that had {self._lost}, and cannot render. Start it "
+                               'by spawn instead: DataLoader(..., multiprocessing_context="spawn"), or '
+                               'multiprocessing.get_context("spawn").')
+
+    def before_fork(self) -> None:
+        """Stop Dr.Jit's workers if no other thread can be using them."""
+        if _variant().startswith("llvm") and len(sys._current_frames()) == 1:
+            import drjit as dr
+
+            dr.sync_thread()
+            self._threads = dr.thread_count()
+            dr.set_thread_count(1)
+
+    def after_fork(self) -> None:
+        """Start the workers again."""
+        if self._threads:
+            import drjit as dr
+
+            dr.set_thread_count(self._threads)
+            self._threads = 0
+
+    def in_child(self) -> None:
+        """Start workers in the child, or note why it cannot use the device."""
+        if (variant := _variant()) and not self._threads:
+            self._lost = "used the GPU" if variant.startswith("cuda") else "rendered, and had other Python threads"
+        self.after_fork()
+
+
+def _variant() -> str:
+    """Return Mitsuba's variant; empty if none is set."""
+    variant = getattr(sys.modules.get("mitsuba"), "variant", None)
+    return (variant and variant()) or ""
+
+
+TURN = _Turn()
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(before=TURN.before_fork, after_in_parent=TURN.after_fork, after_in_child=TURN.in_child)
 
 
 def one_at_a_time(work: Callable[P, R]) -> Callable[P, R]:

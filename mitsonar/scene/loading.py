@@ -30,6 +30,7 @@ def prepare() -> None:
 
     from mitsonar.device import llvm
 
+    TURN.check()
     with registration.LOCK:                    # of several threads, the first prepares and the others wait
         registration.install()                 # Mitsuba is visible before its first import has called this
         if (mi.variant() or "scalar").startswith("scalar"):

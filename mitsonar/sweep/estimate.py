@@ -11,7 +11,7 @@ from mitsonar.device.files import FilePath
 
 from .execute import check_loading, default_folder, job, standing
 from .manifest import read_all, versions
-from .parts import WHOLE, Part
+from .parts import WHOLE, Part, check_count
 from .plan import Plan, load_plan
 from .pools.local import Local, cores, shares
 
@@ -49,7 +49,7 @@ class Estimate:
     trials: int  # renders made for the estimate
     free: int  # [bytes]: on the disk of the folder
     unplanned: list[str]  # outputs in the folder that the plan does not have
-    scenes: tuple[SceneCost, ...]  # of every scene with missing renders
+    scenes: tuple[SceneCost, ...] = ()  # of every scene with missing renders
 
 
 def estimate(plan: Plan | FilePath, folder: FilePath | None = None, *, processes: int | None = None,
@@ -61,6 +61,7 @@ def estimate(plan: Plan | FilePath, folder: FilePath | None = None, *, processes
     folder = os.path.abspath(default_folder(plan) if folder is None else folder)
     made_by = versions()
     ours = part.indices(len(plan))
+    check_count(folder, part)
     state = standing(plan, folder, read_all(folder, part)[0], made_by, verify=verify, part=part)
     scenes = tuple(_costs(plan, state, threads, made_by, say or (lambda text: None)))
     at_once = max(1, min(processes, cores() // threads))

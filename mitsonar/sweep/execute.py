@@ -3,6 +3,7 @@ import array
 import contextlib
 import errno
 import itertools
+import json
 import os
 import queue
 import time
@@ -12,9 +13,10 @@ from typing import Any
 
 from mitsonar.device import files
 from mitsonar.device.files import FilePath
+from mitsonar.labels.tally import Tally
 
 from .manifest import Manifest, ManifestEntry, key, remove_leftovers, sha256, stamp_of, versions
-from .parts import WHOLE, Part, manifests
+from .parts import WHOLE, Part, check_count, manifests
 from .plan import Plan, Render, load_plan, texts
 from .pools.cluster import Cluster
 from .pools.local import Local, shares
@@ -44,6 +46,8 @@ class Outcome:
         Duration of the run.
     redrawn : int
         Number of renders made now whose parameters were drawn again.
+    labelled : Tally or None
+        Numbers of the labelled pictures of all finished samples; None for other products.
     """
 
     folder: str
@@ -55,6 +59,7 @@ class Outcome:
     failures: tuple[tuple[str, str], ...]
     seconds: float
     redrawn: int = 0
+    labelled: Tally | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,6 +72,7 @@ class Standing:
     finished: "array.array[int]"  # numbers of the finished renders
     seconds: list[float]  # of each finished render
     bytes: list[float]  # of each finished render
+    tally: Tally  # of the labelled pictures of finished renders
     unplanned: list[str]  # finished outputs of another plan, or of this one before a change
 
 
@@ -136,6 +142,7 @@ def run(plan: Plan | FilePath, folder: FilePath | None = None, *, processes: int
                          "parts")
     outputs = None if part.whole else [plan.render(index).output for index in ours]
     with created(folder, keep=not part.whole), Manifest(folder, part) as manifest:
+        check_count(folder, part)              # after its manifest is made, so that two that begin at once see it
         remove_leftovers(_folders(plan, folder), outputs)
         if manifest.damaged:
             lines, are = ("line", "is") if manifest.damaged == 1 else ("lines", "are")
@@ -150,7 +157,7 @@ def run(plan: Plan | FilePath, folder: FilePath | None = None, *, processes: int
             say(unplanned_said(state.unplanned, folder))
         if manifest.fresh:
             _check_foreign(plan, folder, ours)
-        runner = _Runner(plan, folder, manifest, state.missing, made_by, progress)
+        runner = _Runner(plan, folder, manifest, state, made_by, progress)
         if state.missing:
             try:
                 with (Local(*counts, place) if workers is None and scheduler is None else
@@ -162,22 +169,29 @@ def run(plan: Plan | FilePath, folder: FilePath | None = None, *, processes: int
                 remove_leftovers(_folders(plan, folder), outputs)
     return Outcome(folder=folder, manifest=manifest.path, total=len(ours), kept=len(ours) - len(state.missing),
                    done=runner.done, failed=runner.failed, failures=tuple(runner.failures),
-                   seconds=time.perf_counter() - start, redrawn=runner.redrawn)
+                   seconds=time.perf_counter() - start, redrawn=runner.redrawn,
+                   labelled=None if plan.labels is None else runner.tally)
 
 
 def standing(plan: Plan, folder: str, entries: Mapping[str, ManifestEntry], made_by: Mapping[str, str], *,
              verify: bool = False, part: Part = WHOLE) -> Standing:
     """Return the state of a sweep or a part; renders are missing unless their files exist and match the manifest."""
-    missing, finished, changed, damaged, seconds, sizes = array.array("l"), array.array("l"), 0, 0, [], []
+    missing, finished, changed, damaged = array.array("l"), array.array("l"), 0, 0
+    seconds, sizes, tally = [], [], Tally()
+
+    def keep(index: int, entry: ManifestEntry) -> None:
+        finished.append(index)
+        seconds.append(entry.seconds)
+        sizes.append(entry.bytes)
+        if entry.labelled is not None:
+            tally.add(json.loads(entry.labelled))
     digest = plan.digests()
     same = {} if verify else _of_this_plan(plan, folder, entries, made_by, digest)
     unplanned_outputs = {output for output, entry in entries.items() if entry.status == "ok"
                          and (entry.index not in same or same[entry.index] is not entry)}
     for index in part.indices(len(plan)):
         if (entry := same.get(index)) is not None:
-            finished.append(index)
-            seconds.append(entry.seconds)
-            sizes.append(entry.bytes)
+            keep(index, entry)
             continue
         if not unplanned_outputs:                      # nothing that this render could be
             missing.append(index)
@@ -196,12 +210,10 @@ def standing(plan: Plan, folder: str, entries: Mapping[str, ManifestEntry], made
             missing.append(index)
             damaged += 1
         else:
-            finished.append(index)
-            seconds.append(entry.seconds)
-            sizes.append(entry.bytes)
+            keep(index, entry)
     unplanned = sorted(output for output in unplanned_outputs if os.path.exists(os.path.join(folder, output)))
     return Standing(missing=missing, changed=changed, damaged=damaged, finished=finished, seconds=seconds,
-                    bytes=sizes, unplanned=unplanned)
+                    bytes=sizes, tally=tally, unplanned=unplanned)
 
 
 def _of_this_plan(plan, folder, entries, made_by, digest):
@@ -275,8 +287,9 @@ def only(plan: Plan, index: int, output: FilePath, *, threads: int | None = None
 class _Runner:
     """Loop that keeps a pool busy and writes the manifest."""
 
-    def __init__(self, plan, folder, manifest, missing, made_by, progress):
-        self.plan, self.folder, self.manifest, self.missing, self.made_by = plan, folder, manifest, missing, made_by
+    def __init__(self, plan, folder, manifest, state, made_by, progress):
+        self.plan, self.folder, self.manifest, self.made_by = plan, folder, manifest, made_by
+        self.missing, self.tally = state.missing, state.tally
         self.progress = progress or (lambda done, total, failed: None)
         self.done, self.failed, self.redrawn, self.failures = 0, 0, 0, []
         self._answers, self._running = queue.SimpleQueue(), {}
@@ -326,6 +339,8 @@ class _Runner:
             **({"scene": render.recipe.name} if self.plan.turns is not None else {}),
             **({"split": render.split} if render.split is not None else {}),
             **({"classes": self.plan.classes} if self.plan.classes else {}),
+            **({"labelled": answer["labelled"]} if answer.get("labelled") else {}),
+            **({"balance": self.plan.balance} if self.plan.balance else {}),
             **({"preview": preview(render.output)} if self.plan.previews and not error else {}),
             **({"warnings": answer["warnings"]} if answer["warnings"] else {})})
         if error:
@@ -334,6 +349,8 @@ class _Runner:
         else:
             self.done += 1
             self.redrawn += render.redrawn > 0
+            if answer.get("labelled"):
+                self.tally.add(answer["labelled"])
         self.progress(self.done + self.failed, len(self.missing), self.failed)
 
 

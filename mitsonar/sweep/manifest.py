@@ -7,7 +7,8 @@ Each line holds ``index``, ``plan`` (SHA-256 of plan and table), ``output``, ``p
 (SHA-256 of the scene and the files it reads), ``versions``, ``instruction_set`` (of the machine that rendered it),
 ``status`` ("ok" or "failed"), ``attempts``, ``seconds``, ``bytes`` and ``sha256`` of the output, ``error``, and if
 present ``redrawn`` (number of repeated draws of its parameters), ``scene`` (name in a plan of several), ``split``
-(subset of the plan), ``classes``, ``preview`` and ``warnings``. The last line about an output counts.
+(subset of the plan), ``classes``, ``labelled`` (numbers of a sample's pictures), ``balance`` (wishes of the plan),
+``preview`` and ``warnings``. The last line about an output counts.
 
 Only the holder of its lock writes, a line at a time. Readers ignore an incomplete line (after a power failure
 or on a full disk), and the next writer removes it.
@@ -28,6 +29,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, NamedTuple
 
 from mitsonar.device.files import FULL, FilePath, check_readable
+from mitsonar.labels.tally import checked
 from mitsonar.version import __version__
 
 from .parts import MANIFEST, WHOLE, Part, manifests
@@ -56,6 +58,7 @@ class ManifestEntry(NamedTuple):
     inputs: str = ""
     stamp: str | None = None
     split: str | None = None
+    labelled: str | None = None  # JSON of `labels.tally`
 
 
 def key(parameters: Mapping[str, object], seed: int, inputs: str, versions: Mapping[str, str]) -> bytes:
@@ -215,7 +218,7 @@ def _entry(record):
             and all(map(_is_value, record["parameters"].values()))
             and 0 <= float(record["seconds"]) < math.inf):
         raise ValueError
-    classes = record.get("classes")
+    classes, labelled = record.get("classes"), checked(record.get("labelled"))
     return record["output"], ManifestEntry(key=key(record["parameters"], record["seed"], record["inputs"],
                                                    record["versions"]),
                                            status=record["status"], bytes=size, preview=preview,
@@ -224,7 +227,8 @@ def _entry(record):
                                            classes=None if classes is None else tuple(map(str, classes)),
                                            index=record["index"], inputs=sys.intern(record["inputs"]),
                                            stamp=stamp_of(record.get("plan"), record["versions"]),
-                                           split=record.get("split"))
+                                           split=record.get("split"),
+                                           labelled=None if labelled is None else sys.intern(json.dumps(labelled)))
 
 
 def _is_value(given):

@@ -57,6 +57,23 @@ class Part:
 WHOLE = Part()
 
 
+def check_count(folder: str, part: Part) -> None:
+    """Raise `ValueError` if a folder has parts of another number of parts, which share renders with this one."""
+    for name in () if part.whole else manifests(folder):
+        if (count := part_of(name).count) not in (WHOLE.count, part.count):
+            raise ValueError(f"part {part} was asked for, and {folder} has parts of {count} ({name}): parts of another "
+                             "number would make the same renders. Join these parts first by --merge, or give another "
+                             "folder by -o")
+
+
+def part_of(manifest: str) -> Part:
+    """Return the part whose manifest has that name."""
+    if manifest == MANIFEST:
+        return WHOLE
+    number, count = manifest.removeprefix("manifest.part-").removesuffix(".jsonl").split("-of-")
+    return Part(number=int(number), count=int(count))
+
+
 def manifests(folder: str) -> list[str]:
     """Return the names of the manifests in a folder: those of parts in the order of names, then the whole sweep's."""
     names = os.listdir(folder) if os.path.isdir(folder) else []

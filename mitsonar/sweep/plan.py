@@ -17,12 +17,13 @@ from mitsonar.io.scene_files import scenes
 from mitsonar.labels.samples import key_of
 
 from . import recipe as recipes
+from .balance import balance_of
+from .drawing.mixture import parts_of, recipes_of
 from .drawing.shares import SharedTurns
 from .drawing.splits import Split
 from .drawing.tables import check_file
 from .inputs import Inputs
 from .manifest import sha256
-from .mixture import parts_of, recipes_of
 from .names import Pattern
 from .products import labels_of, options_digest, soundings_of
 from .recipe import MOST_SEEDS, Recipe, names_of, section
@@ -31,7 +32,7 @@ from .values import shortened, whole
 MOST_RENDERS = 1_000_000
 MOST_TRIED = 1000                  # renders whose parameters are computed when a plan is read
 LARGEST_PLAN = 10_000_000          # bytes
-OF_PLAN = ("output", "seed", "samples", "renders", "previews", "classes", "soundings", "split", "scenes")
+OF_PLAN = ("output", "seed", "samples", "renders", "previews", "classes", "soundings", "split", "scenes", "balance")
 KEYS = (*recipes.KEYS, *OF_PLAN)
 
 
@@ -96,6 +97,8 @@ class Plan:
         SHA-256 of plan and tables: one stamp, the same renders.
     soundings : dict or None
         Options of `mitsonar.soundings` and of its file, if renders are lines of soundings; None for pictures.
+    balance : dict or None
+        Numbers and shares of labelled pictures that are asked for; see `mitsonar.sweep.balance`.
     """
 
     path: str
@@ -110,6 +113,7 @@ class Plan:
     classes: tuple[str, ...] | None
     stamp: str = field(repr=False)
     soundings: dict[str, Any] | None = None
+    balance: dict[str, Any] | None = None
 
     def __len__(self):
         return self.count
@@ -258,9 +262,19 @@ def _plan(path, place, home, given):
     made = tuple(replace(recipe, labels=labels) for recipe, labels in zip(made, labelled, strict=True))
     tables = dict.fromkeys(file for part in parts for file in recipes.files_of(part, place))
     plan = Plan(path=path, home=home, seed=seed, pattern=pattern, count=count, recipes=made, turns=turns, split=split,
-                soundings=soundings, previews=previews, classes=classes, stamp=_stamp(path, *tables))
+                soundings=soundings, previews=previews, classes=classes, stamp=_stamp(path, *tables),
+                balance=balance_of(given.get("balance"), _all_labels(labelled), classes or ()))
     _check_renders(plan)
     return plan
+
+
+def _all_labels(labelled):
+    """Return the rules of labels of all scenes, with the negatives of each; None if renders are no samples."""
+    if labelled[0] is None:
+        return None
+    return {**labelled[0], "negatives": list(dict.fromkeys(
+        name for labels in labelled for name in (*labels.get("negatives", ()), *filter(None, [labels.get(
+            "negative_class")]))))}
 
 
 def _count(given, made, seed):

@@ -20,6 +20,7 @@ from .drawing.rules import Chance, Rule
 from .drawing.tables import DrawnRows, columns_of, drawn_rows
 from .drawing.together import Together, together
 from .inputs import Inputs
+from .strata import stratified_bits
 from .values import axis, fraction, random_bits, shortened, value, whole
 
 MOST_SEEDS = 1 << 32               # limit of `mitsonar.render`
@@ -150,8 +151,11 @@ class Recipe:
             parameters |= rows.row(random_bits(self.seed, "rows", rows.name, place.combination, place.sample, *again))
 
         def bits(name: str) -> int:
-            again = [*(["again", redrawn] if redrawn and name in self.redraw else []),
-                     *(["split", attempt] if attempt and name in attempted else [])]
+            again = ["again", redrawn] if redrawn and name in self.redraw else []
+            if attempt and name in attempted:
+                return random_bits(self.seed, name, place.combination, place.sample, *again, "split", attempt)
+            if self.rules[name].is_stratified:
+                return stratified_bits(self.seed, name, place.sample * self.combinations() + place.combination, *again)
             return random_bits(self.seed, name, place.combination, place.sample, *again)
 
         shares = self.together.shares([fraction(bits(name)) for name in self.together.names])

@@ -28,6 +28,7 @@ class Draw:
     at: Callable[[int], Any]  # value for an integer of 256 random bits
     quantile: Callable[[float], Any]  # value below which a fraction between 0 and 1 of the draws lies
     choices: tuple = ()  # all possible values; empty for continuous distributions and many integers
+    stratified: bool = False  # its bits are those of `strata.stratified_bits`
 
 
 def value(given: object, where: str) -> Any:

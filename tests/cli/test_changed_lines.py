@@ -116,7 +116,7 @@ def test_a_posmv_is_navigation_by_its_own_clock(folder):
 @pytest.mark.parametrize("options, words", [
     (["--heights", "gnss"], "states no separation"), (["--separation", "3"], "give --heights gnss"),
     (["--tide", "1", "--heights", "gnss"], "need no tide"), (["--tide", "none.csv"], "none.csv"),
-    (["--navigation", "late.sbet"], "give that of this line"),
+    (["--navigation", "late.sbet"], "give the navigation of this line"),
     (["--navigation", "far.sbet"], "from the line's own"),
     (["--navigation", "points.csv"], "has no times or no latitudes"),
     (["--heave", "late.sbet"], "no two valid groups")])

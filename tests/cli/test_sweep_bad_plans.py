@@ -130,6 +130,9 @@ def test_a_huge_plan_is_not_read(folder, refusal):
     (["-o", "scene.xml"], "scene.xml: it is a file, or in one; give a folder by -o"),
     (["--processes", "two"], "'two' is not a whole number"),
     (["--dry-run", "--scheduler", "tcp://x:1"], "estimates for this machine"),
+    (["--rate-core-hour", "0.04"], "rates are given, but no dry run"),
+    (["--dry-run", "--currency", "EUR"], "a currency is given, but no rate"),
+    (["--dry-run", "--rate-gb-month", "-1"], "the rate of a GB and month is -1"),
 ])
 def test_spoilt_options(folder, refusal, options, says):
     (folder / "plan.toml").write_text(S, encoding="utf-8")

@@ -1,6 +1,7 @@
 """Samples and shards: what a tar holds, whole shards with the same bytes, subsets without a common seabed, the card."""
 import io
 import json
+import re
 import tarfile
 
 import numpy as np
@@ -213,8 +214,9 @@ def test_samples_without_pictures_are_left_out_of_a_split(tmp_path):
     assert not (tmp_path / "none").exists()
 
 
-@pytest.mark.parametrize("about", [{"counts": []}, {"counts": {"box": "many"}}, {"width": None}, {"height": 1 << 40},
-                                   {"seabed": "\ud800"}])
+@pytest.mark.parametrize("about", [{"negatives": [1]}, {"negatives": {"a": "b"}}, {"negative_class": 5},
+                                   {"counts": []}, {"counts": {"box": "many"}}, {"width": None},
+                                   {"height": 1 << 40}, {"seabed": "\ud800"}])
 def test_a_picture_described_by_other_things_is_refused(tmp_path, about):
     (tmp_path / "sweep").mkdir()
     with pytest.raises(ValueError, match=r"0\.json does not describe a picture"):
@@ -250,6 +252,40 @@ def test_odd_names_stay_in_their_cells(tmp_path):
     for words in ({"title": "a\n---\nb"}, {"authors": 5}):
         with pytest.raises(ValueError, match="give a text of one line"):
             check_words(words)
+
+
+def test_the_card_says_what_was_asked_for_and_what_there_is(tmp_path, capfd):
+    from mitsonar.cli import main as cli
+
+    (tmp_path / "sweep").mkdir()
+    wishes = {"images": {"box": 2}, "boxes": {"stone|": 0.9}, "empty": 0.5}
+    hostile(tmp_path / "sweep", [{"balance": {"empty": 1}}, {"balance": wishes}], counts={"box": 1, "box shadow": 1},
+            negatives={"stone|": 3, "tyre": 0})
+    assert cli.main(["shards", str(tmp_path / "sweep"), "-o", str(tmp_path / "set")]) == 0
+    err = capfd.readouterr().err
+    assert "2 pictures, 0 without objects; boxes in pictures: box 2 in 2, stone| 6 in 2" in err
+    assert "pictures without objects: 0 of 2, 0.0%; asked for 50.0%" in err and "pictures with box" not in err
+    card = (tmp_path / "set" / "README.md").read_text(encoding="utf-8")
+    assert "| pictures with box | 2 | 2 of 2 | yes |" in card and "| boxes of stone\\| | 90.0% | 6 of 8 | no |" in card
+    import pyarrow.parquet as parquet
+
+    assert parquet.read_table(tmp_path / "set" / "index.parquet").to_pylist()[0]["negative_stone|"] == 3
+
+
+def test_a_manifest_with_an_impossible_balance_is_refused(tmp_path):
+    (tmp_path / "sweep").mkdir()
+    with pytest.raises(ValueError, match="balance that no plan can have: balance.full is unknown"):
+        write_shards([hostile(tmp_path / "sweep", [{"balance": {"full": 1}}])], tmp_path / "set")
+
+
+def test_columns_of_like_names_have_identifiers_of_their_own(tmp_path):
+    (tmp_path / "sweep").mkdir()
+    counts = {"a b": 1, "a_b": 2, "a%20b": 3, "à/#?b": 4}
+    write_shards([hostile(tmp_path / "sweep", counts=counts)], tmp_path / "set")
+    fields = json.loads((tmp_path / "set" / "croissant.json").read_text(encoding="utf-8"))["recordSet"][0]["field"]
+    assert len({field["@id"] for field in fields}) == len(fields)
+    assert {field["source"]["extract"]["column"] for field in fields} >= {f"count_{name}" for name in counts}
+    assert all(re.fullmatch(r"pictures/[\w.~%-]+", field["@id"], re.ASCII) for field in fields)
 
 
 def test_what_a_killed_run_left_is_removed(sweep, tmp_path):

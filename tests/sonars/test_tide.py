@@ -6,10 +6,13 @@ and of the profile's place (0.01 m, `TIDE_STEP`). Depths reduced with the tide a
 another one are off by the difference of the two, to the 2 mm by which the rounded place of the cast moves a sounding.
 The sonar's own detection has a bias of 1 cm at this depth.
 """
+from datetime import datetime, timezone
+
 import numpy as np
 import pytest
 
 import mitsonar
+from mitsonar.io.tracks import tides
 from tests.inputs.sonar_scenes import bed, forward_looking, interferometric, multibeam, point_target, sidescan
 
 PROFILE = {"profile": "0:1510, 2:1500, 6:1480, 40:1490"}
@@ -146,6 +149,14 @@ def test_a_draft_replaces_the_z_of_a_track_and_its_error_is_one_of_motion(varian
 def test_bad_tides_are_refused_in_a_sentence(variant, tide, text, words):
     with pytest.raises((ValueError, RuntimeError), match=words):
         mitsonar.soundings(sounder({"tide": tide(text)}), 3)
+
+
+def test_a_tide_of_another_day_is_refused_with_both_dates(tide):
+    read = tides.load(tide("time,height\n2026-05-01T10:00:00Z,1\n2026-05-02T10:00:00Z,1\n"))
+    pings = datetime(2027, 3, 4, 5, 6, tzinfo=timezone.utc).timestamp()
+    with pytest.raises(ValueError, match="from 2026-05-01 10:00:00 UTC to 2026-05-02 10:00:00 UTC, and the pings from "
+                                         "2027-03-04 05:06:00 UTC to 2027-03-04 05:07:00 UTC"):
+        read.over(pings, pings + 60.0)
 
 
 def test_a_sonar_above_the_water_level_is_refused(variant, tide):

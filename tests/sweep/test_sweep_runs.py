@@ -454,3 +454,19 @@ def test_a_pool_that_is_left_early_ends_with_jobs_that_have_not_begun(tmp_path):
     with Local(1, 2, str(tmp_path)) as pool:
         futures = [pool.submit({"versions": {}}) for _ in range(6)]
     assert all(future.done() for future in futures)
+
+
+def test_parts_of_another_number_in_one_folder_are_refused_until_they_are_joined(sweep):
+    sweep("one")
+    sweep(part=Part(number=1, count=2))
+    other, said = Part(number=2, count=3), r"part 2/3 was asked for, and .*out has parts of 2 \(manifest\.part-1-of-2"
+    with pytest.raises(ValueError, match=said):
+        sweep(part=other)
+    with pytest.raises(ValueError, match=said):
+        estimate.estimate(sweep.folder / "plan.toml", sweep.folder / "out", part=other)
+    assert not list((sweep.folder / "out").glob("*of-3*"))         # a refused part leaves nothing
+    assert sweep(part=Part(number=2, count=2)).done == 6           # others of the same number go on
+    (sweep.folder / "out" / "000005.exr").unlink()
+    assert merged(sweep, "out").joined == 11
+    assert sweep(part=Part(number=3, count=3)).done == 1           # of 2, 5, 8, 11 the other three are there
+    assert merged(sweep, "out").joined == 12 and left(sweep.folder / "out") == left(sweep.folder / "one")

@@ -38,6 +38,13 @@ def instant(text: str, what: str) -> float:
     return found.timestamp()
 
 
+def date(time: float) -> str:
+    """Return the date of a time [s] since 1970, to the second, for messages."""
+    if not -6e10 < time < 2e11:                           # in the years that `datetime` has
+        return f"{time:g} s after 1970"
+    return (datetime(1970, 1, 1) + timedelta(seconds=round(float(time)))).isoformat(" ") + " UTC"
+
+
 def unwrapped(seconds: np.ndarray) -> np.ndarray:
     """Return seconds of the week (N,) that run on where a new week begins."""
     return np.unwrap(seconds, period=WEEK)

@@ -20,6 +20,7 @@ from mitsonar.sonar.motion.trajectory import SmoothCurve
 from ..casts import text
 from ..scene_files import tables
 from . import tide_tables
+from .gps_time import date
 
 HIGHEST = 20.0                     # [m]: no tide on Earth reaches farther from its mean
 DATED = 1e8                        # [s] above which times count from 1970
@@ -69,6 +70,9 @@ class Tide:
             raise ValueError(f"the tide {self.name} has dates, and the times of the track begin at {first:g} s; give "
                              "the track dates, or the tide seconds after the first ping.")
         time = self.time if self.dated else self.time + first
+        if self.dated and not (time[0] <= first and last <= time[-1]):
+            raise ValueError(f"the tide {self.name} lasts from {date(time[0])} to {date(time[-1])}, and the pings from "
+                             f"{date(first)} to {date(last)}; give the tide of these hours.")
         if not (time[0] <= first and last <= time[-1]):
             raise ValueError(f"the tide {self.name} lasts from {time[0] - first:.6g} to {time[-1] - first:.6g} s after "
                              f"the first ping, and the pings last until {last - first:.6g} s; give readings before "

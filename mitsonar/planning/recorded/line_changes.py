@@ -17,7 +17,7 @@ from mitsonar.hydrography.reduction.attitude import PlatformMotion
 from mitsonar.hydrography.reduction.heights import by_ellipsoid, by_tide, navigated, with_heave
 from mitsonar.io.grids.separation import Separation
 from mitsonar.io.tracks import posmv, tides, tracks
-from mitsonar.io.tracks.gps_time import EPOCH, WEEK, ahead, instant
+from mitsonar.io.tracks.gps_time import EPOCH, WEEK, ahead, date, instant
 from mitsonar.io.tracks.navigation import Navigation, Waypoints
 from mitsonar.io.tracks.tides import Tide
 
@@ -109,7 +109,7 @@ class LineChanges:
             raise ValueError("the line has no place on Earth, so that no navigation belongs to it.")
         seconds = _dated(found.time, start, found.week) - start
         time = block["ping_time"].values
-        some = _about(seconds, time, ahead(start) + 5)
+        some = _about(seconds, time, ahead(start) + 5, start)
         place, convergence = frame.project(found.y[some], found.x[some])
         heading = np.zeros(some.sum()) if found.heading is None else found.heading[some] - convergence
         if found.heading is None:
@@ -152,9 +152,9 @@ class LineChanges:
         heave = self._heave
         time = _dated(heave.time, float(dates[0]), heave.week)
         if dates.min() < time[0] or dates.max() > time[-1]:
-            raise ValueError(f"the delayed heave {self.heave} lasts from {time[0] - dates.min():.6g} to "
-                             f"{time[-1] - dates.min():.6g} s after the first sample of the line's motion, which lasts "
-                             f"{np.ptp(dates):.6g} s; log it for some minutes beyond the line.")
+            raise ValueError(f"the delayed heave {self.heave} lasts from {date(time[0])} to {date(time[-1])}, and the "
+                             f"line's motion from {date(dates.min())} to {date(dates.max())}; log it for some minutes "
+                             "beyond the line.")
         return np.interp(dates, time, heave.at_once - heave.delayed)
 
 
@@ -186,10 +186,11 @@ def _dated(time: np.ndarray, start: float, week: bool) -> np.ndarray:
     return time + EPOCH + WEEK * round((start - EPOCH - float(time[len(time) // 2])) / WEEK)
 
 
-def _about(seconds: np.ndarray, pings: np.ndarray, margin: float) -> np.ndarray:
-    """Return True for samples about pings."""
+def _about(seconds: np.ndarray, pings: np.ndarray, margin: float, start: float) -> np.ndarray:
+    """Return True for samples about pings, both in seconds after the line's start."""
     some = (seconds >= pings.min() - margin) & (seconds <= pings.max() + margin)
     if not some.any():
-        raise ValueError(f"the navigation lasts from {seconds[0]:.6g} to {seconds[-1]:.6g} s after the line's start, "
-                         f"and its pings from {pings.min():.6g} to {pings.max():.6g} s; give that of this line.")
+        raise ValueError(f"the navigation lasts from {date(start + seconds[0])} to {date(start + seconds[-1])}, and "
+                         f"the line's pings from {date(start + pings.min())} to {date(start + pings.max())}; give the "
+                         "navigation of this line.")
     return some

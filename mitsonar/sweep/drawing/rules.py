@@ -11,7 +11,8 @@ from typing import Any, NamedTuple
 from mitsonar.device.spelling import meant
 from mitsonar.io.scene_files import scenes
 
-from ..values import draw, rounded, shortened, value
+from ..strata import draw
+from ..values import rounded, shortened, value
 from .expressions import Expression, expression
 
 DEEPEST = 5                        # cases within cases
@@ -41,6 +42,7 @@ class Rule:
     value: Callable[[Chance, Mapping[str, Any]], Any]  # from chance and the values of `needs`
     needs: tuple[str, ...] = ()
     is_drawn: bool = False
+    is_stratified: bool = False
     choices: tuple = ()  # values that it may take, as far as they are known
     is_closed: bool = False  # these are all
     whens: tuple[When, ...] = ()
@@ -54,7 +56,8 @@ def rule(given: object, where: str, depth: int = 0) -> Rule:
         return _chosen(given, where, depth)
     drawn = draw(given, where)
     return Rule(value=lambda chance, values: drawn.at(chance.bits) if chance.share is None else
-                drawn.quantile(chance.share), is_drawn=True, choices=drawn.choices, is_closed=bool(drawn.choices))
+                drawn.quantile(chance.share), is_drawn=True, is_stratified=drawn.stratified,
+                choices=drawn.choices, is_closed=bool(drawn.choices))
 
 
 def is_derived(given: object) -> bool:
@@ -173,6 +176,7 @@ def _chosen(given, where, depth):
 
     return Rule(value=chosen, needs=tuple(dict.fromkeys([*of.needs, *(name for part in every for name in part.needs)])),
                 is_drawn=any(part.is_drawn for part in every),
+                is_stratified=any(part.is_stratified for part in every),
                 choices=tuple(item for part in every for item in part.choices),
                 is_closed=all(part.is_closed for part in every),
                 whens=(When(of, tuple(parts), other is not None, where), *(when for part in every

@@ -10,9 +10,9 @@ from typing import Any
 
 from mitsonar.device.spelling import meant
 
-from . import recipe as recipes
-from .recipe import Recipe, recipe_of, section
-from .values import number, shortened
+from .. import recipe as recipes
+from ..recipe import Recipe, recipe_of, section
+from ..values import number, shortened
 
 NAME = re.compile(r"[A-Za-z0-9][\w-]{0,49}", re.ASCII)           # of a scene
 MOST_SCENES = 100
