@@ -50,7 +50,9 @@ def add(commands: Commands) -> None:
     add_gain(labels, "seabed", "display gain over range, except in focused images")
     labels.add_argument("--window", type=_window, metavar="BLACK,WHITE",
                         help="levels after the gain [dB], as --window=60,90; default: chosen for each image")
-    labels.add_argument("--split", metavar="SHARES", help="subsets without a common seabed: train=0.8,val=0.1,test=0.1")
+    labels.add_argument("--split", metavar="SHARES",
+                        help="subsets without a common seabed: train=0.8,val=0.1,test=0.1; default: those of the plan, "
+                        "if it has a split")
     labels.add_argument("--split-seed", type=whole, default=0, metavar="N", help="random seed of the split; default: 0")
     labels.add_argument("--split-by", metavar="PARAMETER", help="parameter of the scene to split by, not the seabed")
     labels.set_defaults(run=_labels)
@@ -59,7 +61,9 @@ def add(commands: Commands) -> None:
     add_file(shards, "folders", nargs="+", metavar="SWEEP", help="folders of sweeps whose output ends in .tar")
     add_file(shards, "-o", "--output", required=True, metavar="FOLDER", help="folder of the set")
     shards.add_argument("--size", type=whole, default=500, metavar="MB", help="size of a shard; default: 500")
-    shards.add_argument("--split", metavar="SHARES", help="subsets without a common seabed: train=0.8,val=0.1,test=0.1")
+    shards.add_argument("--split", metavar="SHARES",
+                        help="subsets without a common seabed: train=0.8,val=0.1,test=0.1; default: those of the plan, "
+                        "if it has a split")
     shards.add_argument("--split-by", metavar="PARAMETER", help="parameter of the scene to split by, not the seabed")
     shards.add_argument("--seed", type=whole, default=0, metavar="N",
                         help="random seed of the split and of the order of samples; default: 0")

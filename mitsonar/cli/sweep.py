@@ -190,6 +190,9 @@ def _print_estimate(plan, part, arguments):
         announce(f"time: about {length}, {each} s each ({how}), by "
                  f"{_count(cost.processes, 'process')} of {cost.threads} threads"
                  + (f", of which the cores run {cost.at_once} at once" if cost.at_once < cost.processes else ""))
+        for scene in cost.scenes if len(cost.scenes) > 1 else ():
+            announce(f"  {scene.name}: {_count(scene.missing, 'render')}, {scene.seconds:.2g} s and "
+                     f"{size_said(scene.bytes)} each")
         announce(f"disk: about {size_said(cost.bytes * cost.missing)}, and {size_said(cost.free)} are free")
         for count, said in ((cost.missing, "in all"), (MANY, f"per {MANY:,} renders")):
             hours, size, price = costs(cost, rates, count)

@@ -22,7 +22,7 @@ from mitsonar.sweep.parts import manifests
 
 from .card import check_words, write_card
 from .index import write_index
-from .split import deal
+from .split import deal, planned
 
 SUFFIX, LAYOUT = ".tar", ".shards"
 SMALLEST = 1_000_000               # bytes of a shard
@@ -77,7 +77,8 @@ def write_shards(folders: Sequence[FilePath], folder: FilePath, *, size: int = 5
     size : int [bytes]
         Size at which a shard ends; samples are never parted.
     shares : dict of str, float, or None
-        Shares of the subsets, from `read_shares`; None: all samples are for training.
+        Shares of the subsets, from `read_shares`; None: the subsets of the plans, and without these all samples are for
+        training.
     seed : int
         Seed of the split and of the order of samples.
     by : str or None
@@ -105,7 +106,8 @@ def write_shards(folders: Sequence[FilePath], folder: FilePath, *, size: int = 5
     if not samples:
         raise ValueError(f"the samples of {', '.join(map(str, folders))} hold no pictures; give sweeps with others.")
     _check_keys(samples)
-    subsets = ["train"] * len(samples)
+    subsets = planned([sample.record.get("split") for sample in samples] if not shares else [],
+                      [sample.pictures[0].get("seabed") for sample in samples]) or ["train"] * len(samples)
     if shares:
         subsets = deal([_group(sample, by) for sample in samples], shares, seed, by or "seabed")
     shards = list(_shards(samples, subsets, size, seed))

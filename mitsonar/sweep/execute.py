@@ -69,6 +69,7 @@ class Standing:
     missing: "array.array[int]"  # numbers of the renders to make
     changed: int  # number of these with an image from other parameters, files or versions
     damaged: int  # number of these with an altered image
+    finished: "array.array[int]"  # numbers of the finished renders
     seconds: list[float]  # of each finished render
     bytes: list[float]  # of each finished render
     tally: Tally  # of the labelled pictures of finished renders
@@ -175,9 +176,11 @@ def run(plan: Plan | FilePath, folder: FilePath | None = None, *, processes: int
 def standing(plan: Plan, folder: str, entries: Mapping[str, ManifestEntry], made_by: Mapping[str, str], *,
              verify: bool = False, part: Part = WHOLE) -> Standing:
     """Return the state of a sweep or a part; renders are missing unless their files exist and match the manifest."""
-    missing, changed, damaged, seconds, sizes, tally = array.array("l"), 0, 0, [], [], Tally()
+    missing, finished, changed, damaged = array.array("l"), array.array("l"), 0, 0
+    seconds, sizes, tally = [], [], Tally()
 
-    def keep(entry: ManifestEntry) -> None:
+    def keep(index: int, entry: ManifestEntry) -> None:
+        finished.append(index)
         seconds.append(entry.seconds)
         sizes.append(entry.bytes)
         if entry.labelled is not None:
@@ -188,7 +191,7 @@ def standing(plan: Plan, folder: str, entries: Mapping[str, ManifestEntry], made
                          and (entry.index not in same or same[entry.index] is not entry)}
     for index in part.indices(len(plan)):
         if (entry := same.get(index)) is not None:
-            keep(entry)
+            keep(index, entry)
             continue
         if not unplanned_outputs:                      # nothing that this render could be
             missing.append(index)
@@ -207,10 +210,10 @@ def standing(plan: Plan, folder: str, entries: Mapping[str, ManifestEntry], made
             missing.append(index)
             damaged += 1
         else:
-            keep(entry)
+            keep(index, entry)
     unplanned = sorted(output for output in unplanned_outputs if os.path.exists(os.path.join(folder, output)))
-    return Standing(missing=missing, changed=changed, damaged=damaged, seconds=seconds, bytes=sizes,
-                    tally=tally, unplanned=unplanned)
+    return Standing(missing=missing, changed=changed, damaged=damaged, finished=finished, seconds=seconds,
+                    bytes=sizes, tally=tally, unplanned=unplanned)
 
 
 def _of_this_plan(plan, folder, entries, made_by, digest):
@@ -239,18 +242,27 @@ def unplanned_said(outputs: Sequence[str], folder: str) -> str:
 
 def job(plan: Plan, render: Render, folder: str | None, made_by: Mapping[str, str]) -> dict[str, Any]:
     """Return the job of a render for a worker; without a folder its scene is only loaded."""
-    return {"scene": plan.scene, "parameters": texts(render), "seed": render.seed, "versions": made_by,
+    labels = render.recipe.labels
+    return {"scene": render.recipe.scene, "parameters": texts(render), "seed": render.seed, "versions": made_by,
             "folder": folder or os.path.dirname(plan.path), "output": render.output if folder else None,
             "preview": preview(render.output) if plan.previews and folder else None, "soundings": plan.soundings,
-            "labels": None if plan.labels is None else [plan.labels, plan.classes],
+            "labels": None if labels is None else [labels, plan.classes],
             "trial": False}
 
 
 def check_loading(pool: Local | Cluster, plan: Plan, missing: Sequence[int], made_by: Mapping[str, str]) -> None:
-    """Raise `ValueError` if neither the first nor the last scene of a sweep can be loaded."""
+    """Raise `ValueError` if of any scene of a sweep neither the first nor the last render can be loaded."""
+    ends: dict[str, list[int]] = {}
+    for index in missing if plan.turns is not None else (missing[0], missing[-1]):
+        ends.setdefault(plan.turn(index)[0].name, [index, index])[1] = index
+    for first, last in ends.values():
+        _check_loading(pool, plan, dict.fromkeys((first, last)), made_by)
+
+
+def _check_loading(pool, plan, indices, made_by):
     errors = []
     tries = range(1 + MOST_REDRAWN if plan.redraw else 1)
-    for index, again in itertools.product(dict.fromkeys((missing[0], missing[-1])), tries):
+    for index, again in itertools.product(indices, tries):
         answer = _answer(pool.submit(job(plan, plan.render(index, again), None, made_by)))
         if not answer.get("error"):
             return
@@ -324,6 +336,8 @@ class _Runner:
             "instruction_set": answer.get("instruction_set"), "seconds": answer["seconds"],
             "bytes": answer.get("bytes"), "sha256": answer.get("sha256"), "error": error,
             **({"redrawn": render.redrawn} if self.plan.redraw else {}),
+            **({"scene": render.recipe.name} if self.plan.turns is not None else {}),
+            **({"split": render.split} if render.split is not None else {}),
             **({"classes": self.plan.classes} if self.plan.classes else {}),
             **({"labelled": answer["labelled"]} if answer.get("labelled") else {}),
             **({"balance": self.plan.balance} if self.plan.balance else {}),
@@ -369,9 +383,9 @@ def _digest(path):
 
 def _folders(plan, folder):
     """Return the folders of all outputs."""
-    if "/" not in plan.pattern.text:
-        return [folder]
-    return sorted({os.path.dirname(os.path.join(folder, plan.render(index).output)) for index in range(len(plan))})
+    if (folders := plan.pattern.folders()) is None:
+        folders = {os.path.dirname(plan.render(index).output) for index in range(len(plan))}
+    return sorted(os.path.join(folder, name) if name else folder for name in folders)
 
 
 @contextlib.contextmanager

@@ -38,6 +38,10 @@ class Inputs:
                 raise ValueError(f"the scene {os.path.basename(self.scene)} has no parameter {shortened(name)}"
                                  f"{meant(name, self.known)}; it has {', '.join(sorted(self.known)) or 'none'}")
 
+    def defaults(self) -> dict[str, str]:
+        """Return the scene's own values of its parameters, without those that contain others."""
+        return {name: text for name, text in self._tree(self.scene)[1].items() if name and not NAME.search(text)}
+
     def check_files(self, columns: Mapping[str, tuple]) -> None:
         """Raise `FileNotFoundError` for values that name missing files."""
         defaults = self._tree(self.scene)[1]

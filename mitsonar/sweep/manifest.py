@@ -6,8 +6,9 @@ too, and a part that of the whole.
 Each line holds ``index``, ``plan`` (SHA-256 of plan and table), ``output``, ``parameters``, ``seed``, ``inputs``
 (SHA-256 of the scene and the files it reads), ``versions``, ``instruction_set`` (of the machine that rendered it),
 ``status`` ("ok" or "failed"), ``attempts``, ``seconds``, ``bytes`` and ``sha256`` of the output, ``error``, and if
-present ``redrawn`` (number of repeated draws of its parameters), ``classes``, ``labelled`` (numbers of a sample's
-pictures), ``balance`` (wishes of the plan), ``preview`` and ``warnings``. The last line about an output counts.
+present ``redrawn`` (number of repeated draws of its parameters), ``scene`` (name in a plan of several), ``split``
+(subset of the plan), ``classes``, ``labelled`` (numbers of a sample's pictures), ``balance`` (wishes of the plan),
+``preview`` and ``warnings``. The last line about an output counts.
 
 Only the holder of its lock writes, a line at a time. Readers ignore an incomplete line (after a power failure
 or on a full disk), and the next writer removes it.
@@ -33,6 +34,7 @@ from mitsonar.version import __version__
 
 from .parts import MANIFEST, WHOLE, Part, manifests
 
+SUBSETS = ("train", "val", "test")
 LONGEST_LINE = 1 << 20             # bytes; lines of mitsonar are far shorter
 FLUSH_SECONDS = 5.0
 LOCKLESS = errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP      # of some network disks: nothing tells of another run there
@@ -55,6 +57,7 @@ class ManifestEntry(NamedTuple):
     index: int = -1
     inputs: str = ""
     stamp: str | None = None
+    split: str | None = None
     labelled: str | None = None  # JSON of `labels.tally`
 
 
@@ -210,7 +213,7 @@ def _entry(record):
     if not (isinstance(size, int) and 0 <= size < 1 << 63 and isinstance(record["index"], int)
             and isinstance(preview, str | None) and isinstance(record.get("sha256"), str | None)
             and all(isinstance(text, str) for text in record["versions"].values())
-            and isinstance(record["seed"], int)
+            and isinstance(record["seed"], int) and record.get("split") in (None, *SUBSETS)
             and json.dumps([record["output"], record["parameters"]], ensure_ascii=False).encode()
             and all(map(_is_value, record["parameters"].values()))
             and 0 <= float(record["seconds"]) < math.inf):
@@ -224,6 +227,7 @@ def _entry(record):
                                            classes=None if classes is None else tuple(map(str, classes)),
                                            index=record["index"], inputs=sys.intern(record["inputs"]),
                                            stamp=stamp_of(record.get("plan"), record["versions"]),
+                                           split=record.get("split"),
                                            labelled=None if labelled is None else sys.intern(json.dumps(labelled)))
 
 

@@ -15,7 +15,7 @@ DIGITS = 32                        # of the number of a draw; later bits are ran
 BITS = 256                         # of `random_bits`
 
 
-def stratified_bits(seed: int, name: str, number: int, *again: object) -> int:
+def stratified_bits(seed: int | str, name: str, number: int, *again: object) -> int:
     """Return 256 bits as `values.random_bits` does, of which the highest are stratified over `number`.
 
     Draws made `again` stay in their part of the distribution.

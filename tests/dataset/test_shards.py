@@ -132,6 +132,20 @@ def test_a_split_by_a_parameter_keeps_its_values_apart(sweep, tmp_path):
         write_shards([sweep], tmp_path / "other", shares=read_shares("train=0.5,val=0.5"), by="colour")
 
 
+def test_the_split_of_a_plan_names_shards(sweep, tmp_path):
+    import shutil
+
+    shutil.copytree(sweep, tmp_path / "sweep")
+    path, homes = tmp_path / "sweep" / "manifest.jsonl", ["train", "train", "val", "test"]
+    lines = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+    path.write_text("".join(json.dumps({**line, "split": homes[line["parameters"]["bed"]]}) + "\n" for line in lines),
+                    encoding="utf-8")
+    with pytest.warns(UserWarning, match="1 seabed is in several"):        # of "bed 4", images 8 and 9
+        shards = write_shards([tmp_path / "sweep"], tmp_path / "set")
+    assert {shard.name: sorted(sample.record["index"] for sample in shard.samples) for shard in shards} == {
+        "train-00000.tar": [0, 1, 2, 3, 4, 5], "val-00000.tar": [6, 7, 8], "test-00000.tar": [9, 10, 11]}
+
+
 @pytest.mark.parametrize("spoil, said", [
     (lambda path: path.write_bytes(b""), "was altered after writing"),
     (lambda path: path.write_bytes(b"?" * path.stat().st_size), "was altered after writing"),

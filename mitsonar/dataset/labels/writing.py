@@ -9,7 +9,7 @@ import secrets
 import shutil
 import warnings
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from mitsonar.device.files import FilePath, check_writable, full_disk_said
@@ -20,7 +20,7 @@ from mitsonar.labels.pictures import write_png
 from mitsonar.labels.rules import Labels
 
 from ..sources import Source, class_order, find_sources
-from ..split import deal
+from ..split import deal, planned, shares_of
 
 
 @dataclass(kw_only=True)
@@ -72,10 +72,12 @@ def write(places: FilePath | Iterable[FilePath], folder: FilePath, labels: Label
     else:
         check_writable(str(folder).rstrip(os.sep))
     sources = find_sources(places)
-    groups = groups_of(sources, labels.split_by) if labels.split else []
-    homes = ["train"] * len(sources)
-    if labels.split:
-        homes = deal(groups, labels.split, labels.split_seed, labels.split_by or "seabed")
+    groups = groups_of(sources, labels.split_by) if labels.split else [source.seabed or "" for source in sources]
+    homes, by = ["train"] * len(sources), labels.split_by or "seabed"
+    if not labels.split and (given := planned([source.planned_split for source in sources], groups)):
+        homes, by, labels = given, "plan", replace(labels, split=shares_of(given))
+    elif labels.split:
+        homes = deal(groups, labels.split, labels.split_seed, by)
     numbers = coco.categories(labels.numbered(_classes(sources, labels)), whole=labels.whole)
     with _complete(Path(os.path.realpath(folder))) as partial:
         writer = _Writer(partial, labels, numbers)
@@ -84,7 +86,7 @@ def write(places: FilePath | Iterable[FilePath], folder: FilePath, labels: Label
             if progress is not None:
                 progress(done, len(sources))
         writer.summary({name: sorted({group for group, home in zip(groups, homes, strict=True) if home == name})
-                        for name in labels.split or ()})
+                        for name in labels.split or ()}, by)
     if writer.note:
         warnings.warn(writer.note, stacklevel=2)
     return {"pictures": len(writer.names), **writer.counts}
@@ -199,8 +201,8 @@ class _Writer:
                 subset.entries.append(coco.entry(piece, self.annotated, number, self.numbers,
                                                  self._track(description, piece)))
 
-    def summary(self, groups: dict[str, list[str]]) -> None:
-        """Write the files on all images; `groups` are those of each subset."""
+    def summary(self, groups: dict[str, list[str]], by: str) -> None:
+        """Write the files on all images; `groups` are those of each subset, which were split `by` something."""
         split, files = self.labels.split, {}
         bare = [name for name, subset in self.subsets.items() if not subset.images]
         if bare:
@@ -214,7 +216,7 @@ class _Writer:
                 files[f"annotations_{name}.json" if split else "annotations.json"] = text
         if split:
             files["split.json"] = {
-                "shares": split, "seed": self.labels.split_seed, "by": self.labels.split_by or "seabed",
+                "shares": split, "seed": self.labels.split_seed, "by": by,
                 "images": {name: [image["file_name"] for image in subset.images]
                            for name, subset in self.subsets.items()},
                 "groups": groups}
