@@ -7,8 +7,8 @@ Both score pixels, join those above a level to boxes, and rank these. The contra
 over the median about it, in deviations. The forest (Breiman 2001) is asked about pixels that stand out of the median;
 its clues are that and other filters, here and some steps off on either side, where shadows are. Levels are those that
 do best in 15 pictures learned from. Highlights of all classes are objects. A box is right where it and an object
-overlap by half (intersection over union), each object once. AP is the mean over all objects of the precision down to their
-score, 0 of those that no box meets.
+overlap by half (intersection over union), each object once. AP is the mean over all objects of the precision down to
+their score, 0 of those that no box meets.
 """
 import argparse
 import io
