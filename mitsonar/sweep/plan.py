@@ -33,7 +33,7 @@ MOST_RENDERS = 1_000_000
 MOST_TRIED = 1000                  # renders whose parameters are computed when a plan is read
 LARGEST_PLAN = 10_000_000          # bytes
 OF_PLAN = ("output", "seed", "samples", "renders", "previews", "classes", "soundings", "split", "scenes", "balance")
-KEYS = (*recipes.KEYS, *OF_PLAN)
+KEYS = ("scene", *OF_PLAN, *(key for key in recipes.KEYS if key != "scene"))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -273,6 +273,23 @@ def test_without_a_group_images_are_split_and_repeated_seeds_stay_together(plan)
     assert all(render.split is None for render in plain)
 
 
+def test_stratified_draws_hold_in_scenes_cases_and_splits(plan):
+    """Even over 2^m samples of each scene; a group that is drawn again for its subset is no longer even."""
+    text = 'renders = 128\n[draw]\nrays = { integer = [1, 32], stratified = true }\n[[scenes]]\nscene = "scene.xml"\n' \
+        '[[scenes]]\nscene = "other.xml"\n'
+    found = renders(plan(text))
+    for name in ("scene", "other"):
+        counts = Counter(render.parameters["rays"] for render in found if render.recipe.name == name)
+        assert set(counts.values()) == {2} and len(counts) == 32
+    assert found[:20] == renders(plan(text.replace("128", "20")))
+    split = renders(plan(text + SPLIT))
+    assert all(len(subsets) == 1 for subsets in homes(split, "rays").values())
+    assert {render.split for render in split} == set(SUBSETS)
+    cases = renders(plan('scene = "scene.xml"\nsamples = 64\n[draw]\nspeckle = { choice = [true, false] }\nrays = { '
+                         'when = "speckle", cases = { true = { integer = [1, 4], stratified = true }, false = 5 } }'))
+    assert {render.parameters["rays"] for render in cases if render.parameters["speckle"]} == {1, 2, 3, 4}
+
+
 def test_a_split_names_files(plan):
     found = renders(plan(f'output = "{{split}}/{{index}}.exr"{SCENES.replace("output", "#")}{SPLIT}'))
     assert all(render.output == f"{render.split}/{render.index}.exr" for render in found)
