@@ -8,6 +8,8 @@ from .completion import add_file
 from .progress import Progress
 from .words import announce, warn
 
+MOST_NAMES = 10                    # of meshes in a warning
+
 
 def add(commands: Commands) -> None:
     """Add the command to the parser's."""
@@ -101,8 +103,10 @@ def _labels(arguments):
 
 def _shards(arguments):
     from mitsonar.dataset.balance import balances
+    from mitsonar.dataset.card import meshes_in
     from mitsonar.dataset.shards import write_shards
     from mitsonar.dataset.split import read_shares
+    from mitsonar.io.scene_files.mesh_lists import NAME, NOT_STATED
     from mitsonar.sweep.balance import tally_said
 
     if arguments.split is None and arguments.split_by is not None:
@@ -120,6 +124,10 @@ def _shards(arguments):
         for verdict in sweep.verdicts:
             if not verdict.met:
                 warn(f"{sweep.folder}: {verdict.words}")
+    pictures = [picture for shard in shards for sample in shard.samples for picture in sample.pictures]
+    if bare := sorted({mesh[0] for mesh in meshes_in(pictures) if mesh[2] == NOT_STATED}):
+        warn(f"no licence is stated of {len(bare)} mesh{'es' * (len(bare) != 1)}: {', '.join(bare[:MOST_NAMES])}"
+             + ", ..." * (len(bare) > MOST_NAMES) + f"; state it in {NAME} beside them and run the sweep again")
     announce(arguments.output)
 
 

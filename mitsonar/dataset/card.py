@@ -6,8 +6,9 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
@@ -15,6 +16,7 @@ from urllib.parse import quote
 import numpy as np
 
 from mitsonar.device.files import replacing
+from mitsonar.io.scene_files import scenes
 from mitsonar.sweep.balance import tally_said
 from mitsonar.sweep.manifest import sha256
 
@@ -27,15 +29,19 @@ WORDS = ("title", "licence", "authors", "homepage")
 UNTOLD = {"title": "Simulated sonar images", "licence": "unknown", "authors": "unknown", "homepage": ""}
 SPLITS = {"val": "validation"}     # names of subsets at Hugging Face, where they differ
 SIZES = ((1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K"), (1_000_000, "100K<n<1M"))
+MESH = ("mesh", "class", "licence", "author", "source", "sha256")
 LIMITS = ("Every picture is computed, none is recorded. What a sonar hears follows from the scene: sea floors, objects "
           "and water are models of their kind. Test detectors that learned from them alone on recordings.")
+# names of Croissant 1.0; a reader compares the list with its own
 CONTEXT = {"@language": "en", "@vocab": "https://schema.org/", "cr": "http://mlcommons.org/croissant/",
-           "sc": "https://schema.org/", "dct": "http://purl.org/dc/terms/", "citeAs": "cr:citeAs",
-           "conformsTo": "dct:conformsTo", "column": "cr:column", "data": {"@id": "cr:data", "@type": "@json"},
-           "dataType": {"@id": "cr:dataType", "@type": "@vocab"}, "extract": "cr:extract", "field": "cr:field",
-           "fileObject": "cr:fileObject", "fileSet": "cr:fileSet", "includes": "cr:includes",
-           "key": "cr:key", "md5": "cr:md5", "recordSet": "cr:recordSet", "references": "cr:references",
-           "source": "cr:source", "subField": "cr:subField", "transform": "cr:transform"}
+           "sc": "https://schema.org/", "dct": "http://purl.org/dc/terms/", "rai": "http://mlcommons.org/croissant/RAI/",
+           "conformsTo": "dct:conformsTo", "data": {"@id": "cr:data", "@type": "@json"},
+           "dataType": {"@id": "cr:dataType", "@type": "@vocab"}, "examples": {"@id": "cr:examples", "@type": "@json"},
+           **{name: f"cr:{name}" for name in (
+               "citeAs", "column", "equivalentProperty", "extract", "field", "fileObject", "fileProperty", "fileSet",
+               "format", "includes", "isLiveDataset", "jsonPath", "key", "md5", "parentField", "path", "recordSet",
+               "references", "regex", "repeated", "replace", "samplingRate", "separator", "source", "subField",
+               "transform")}}
 
 
 def check_words(about: Mapping[str, Any]) -> None:
@@ -84,11 +90,11 @@ def _readme(shards, pictures, told):
         "|---" * (3 + len(names)) + "|", *rows, "",
         "Objects are counted once in every picture. Subsets share no seabed, unless they were split by a parameter.",
         "", "## Class balance", "", *_balanced(shards), "", "## What was drawn", "", *_drawn(samples),
-        "", "## Physics", "", *_physics(pictures), "", "## Limits", "",
+        "", "## Meshes", "", *_meshes(pictures), "", "## Physics", "", *_physics(pictures), "", "## Limits", "",
         LIMITS, "", "## How to make it again", "",
         "Every record follows from its scene, parameters, seed and versions, which stand in its JSON and in "
         "`index.parquet`: on the same instruction set by the same bytes, on others with the same levels but for "
-        "rounding.", "", *_made(samples)])
+        "rounding. The first one is made again by", "", *_again(samples[0]), "", *_made(samples)])
 
 
 def _balanced(shards):
@@ -130,6 +136,21 @@ def _drawn(samples):
     return rows if len(rows) > 2 else ["Nothing but the seed."]
 
 
+def meshes_in(pictures: Iterable[Mapping[str, Any]]) -> Counter[tuple[str, ...]]:
+    """Return the number of pictures of every mesh: name, class, licence, author, source, SHA-256."""
+    return Counter(key for picture in pictures for key in {tuple(mesh[name] for name in MESH)
+                                                           for mesh in picture.get("meshes") or ()})
+
+
+def _meshes(pictures):
+    """Return a table of the meshes, with their licences."""
+    known = meshes_in(picture for _, _, picture in pictures)
+    if not known:
+        return ["No scene of these pictures has a mesh from a file."]
+    return ["| mesh | class | licence | author | source | pictures |", "|---|---|---|---|---|---|",
+            *(f"| {' | '.join(map(_cell, mesh[:5]))} | {count:,} |" for mesh, count in sorted(known.items()))]
+
+
 def _physics(pictures):
     kinds = Counter((picture.get("sonar"), picture.get("frequency"), picture.get("file")) for _, _, picture in pictures)
     return [f"- {count:,} pictures of a {str(sonar).replace('_', ' ')}"
@@ -137,6 +158,15 @@ def _physics(pictures):
             for (sonar, frequency, scene), count in kinds.most_common()] + [
         "- rays through refracting water, the sonar equation with measured scattering laws, speckle, noise, and the "
         "receiver's own flaws, as the scene states them"]
+
+
+def _again(sample):
+    """Return the command that renders a sample's record again."""
+    words = ["python3", "-m", "mitsonar", "render", str(sample.pictures[0].get("file"))]
+    for name, value in sample.record["parameters"].items():
+        words += ["-D", f"{name}={scenes.text(name, value)}"]
+    command = shlex.join([*words, "--seed", str(sample.record["seed"]), "-o", "record.exr"])
+    return ["```bash", " ".join(command.split()), "```"]
 
 
 def _made(samples):
@@ -163,6 +193,10 @@ def _croissant(shards, folder, pictures, told):
             "name": told["title"], "description": f"{len(pictures):,} labelled pictures of a simulated sonar. {LIMITS}",
             "license": told["licence"], "url": told["homepage"] or "about:blank", "version": "1.0.0",
             "creator": {"@type": "sc:Organization", "name": told["authors"]},
+            "isBasedOn": [{"@type": "sc:CreativeWork", "name": f"mesh {mesh}", "license": licence, "sha256": digest,
+                           "creator": {"@type": "sc:Organization", "name": author}, "description": f"Source: {source}"}
+                          for mesh, _, licence, author, source, digest in sorted(
+                              meshes_in(picture for _, _, picture in pictures))],
             "distribution": [{"@type": "cr:FileObject", "@id": name, "name": name, "contentUrl": name,
                               "encodingFormat": kind, "sha256": sha256(folder / name)} for name, kind in files],
             "recordSet": [{"@type": "cr:RecordSet", "@id": "pictures", "name": "pictures",

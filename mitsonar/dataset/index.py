@@ -16,8 +16,8 @@ def write_index(shards: Sequence[Shard], path: Path) -> None:
     """Write the index of shards.
 
     Columns: ``key``, ``shard``, ``subset``, ``width``, ``height``, ``seed``, ``seabed``, ``scene`` (of a plan of
-    several), ``parameter_NAME``, ``count_CATEGORY``, ``negative_CLASS``, ``seconds`` and ``sample_sha256`` of the whole
-    record, ``instruction_set``.
+    several), ``parameter_NAME``, ``count_CATEGORY``, ``negative_CLASS``, ``meshes``, ``seconds`` and
+    ``sample_sha256`` of the whole record, ``instruction_set``.
     """
     try:
         import pyarrow as pa
@@ -30,6 +30,7 @@ def write_index(shards: Sequence[Shard], path: Path) -> None:
              **{f"parameter_{name}": value for name, value in sample.record["parameters"].items()},
              **{f"count_{name}": count for name, count in picture["counts"].items()},
              **{f"negative_{name}": count for name, count in (picture.get("negatives") or {}).items()},
+             "meshes": ", ".join(dict.fromkeys(mesh["mesh"] for mesh in picture.get("meshes") or ())),
              "seconds": sample.record["seconds"], "sample_sha256": sample.record["sha256"],
              "instruction_set": sample.record.get("instruction_set")}
             for shard in shards for sample in shard.samples for picture in sample.pictures]

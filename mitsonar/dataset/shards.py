@@ -28,7 +28,8 @@ SUFFIX, LAYOUT = ".tar", ".shards"
 SMALLEST = 1_000_000               # bytes of a shard
 BLOCK, RECORD = 512, 10_240        # bytes, of tars
 LARGEST_JSON = 64_000_000          # bytes; those of mitsonar are far shorter
-KEPT = ("width", "height", "seabed", "counts", "negatives", "negative_class", "sonar", "frequency", "file")  # of a JSON
+KEPT = ("width", "height", "seabed", "counts", "negatives", "negative_class", "meshes", "sonar", "frequency",
+        "file")                    # of a picture's JSON
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -171,11 +172,18 @@ def _about(tar, member):
         numbers = (kept["width"], kept["height"], *kept["counts"].values(), *(kept["negatives"] or {}).values())
     except (ValueError, AttributeError, RecursionError):
         raise wrong from None
-    if not isinstance(kept["negative_class"], str | None):
+    if not isinstance(kept["negative_class"], str | None) or not _are_meshes(kept["meshes"]):
         raise wrong
     if not all(isinstance(number, int) and 0 <= number < 1 << 32 for number in numbers):
         raise wrong
     return kept
+
+
+def _are_meshes(given):
+    """Return True for entries of `sweep.meshes`, or None."""
+    return given is None or isinstance(given, list) and all(
+        isinstance(entry, dict) and set(entry) == {"mesh", "class", "licence", "author", "source", "sha256"}
+        and all(isinstance(text, str) for text in entry.values()) for entry in given)
 
 
 def _check_keys(samples):

@@ -56,9 +56,10 @@ def key_of(name: str) -> str:
     return name.replace(".", "_").replace("/", "_")
 
 
-def write_sample(record: xr.Dataset, stream: IO[bytes], key: str, rules: SampleRules) -> Tally:
+def write_sample(record: xr.Dataset, stream: IO[bytes], key: str, rules: SampleRules,
+                 meshes: Sequence[Mapping[str, str]] = ()) -> Tally:     # of the scene, with their licences
     """Write the labelled pictures of a record as a tar, and return their numbers."""
-    about = {name: record.attrs.get(name) for name in TOLD}
+    about = {**{name: record.attrs.get(name) for name in TOLD}, **({"meshes": [*meshes]} if meshes else {})}
     classes = rules.labels.numbered(rules.labels.classes or ())
     numbers = coco.categories(classes, whole=rules.labels.whole)
     key, tally = key_of(key), Tally()

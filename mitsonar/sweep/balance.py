@@ -99,8 +99,8 @@ def tally_said(tally: Tally) -> str:
 def missed_said(verdict: Verdict, made: int, renders: int) -> str:
     """Return a sentence about a wish that is not met, with that many renders made of a plan."""
     if verdict.asked < 1 or not verdict.got:
-        way = "let the plan draw them more often, such as by weights or counts of the scene's targets"
-        return f"{verdict.words}. More samples alone will not do: {way}."
+        why = "More samples do not change a share" if verdict.asked < 1 else "None has shown yet"
+        return f"{verdict.words}. {why}: let the plan draw them more often, by weights or counts of targets."
     needed = math.ceil(made * verdict.asked / verdict.got)
     return (f"{verdict.words}. At this rate a plan of {needed:,} renders would have them, instead of {renders:,}; or "
             "let it draw them more often.")

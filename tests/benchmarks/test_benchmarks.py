@@ -37,6 +37,7 @@ RUNS = {
     "focusing": (["focusing.py", "--side", "0.4", "--receivers", "4", "--spacing", "0.02", "--rounds", "1"],
                  "20 mm, a thermocline"),
     "frame_errors": (["frame_errors.py", "--quick", "bed"], "mean |beam|²"),
+    "killed_parts": (["killed_parts.py", "--samples", "2", "--kills", "1", "--longest", "3"], "manifest are the same"),
     "moving": (["moving.py", "--frames", "1", "--beams", "32"], "moving"),
     "frame": (["frame.py", *FRAME, "--rounds", "1"], "picture, this checkout"),
     "gradients": (["gradients.py", "--rays", "4000", "--pings", "2", "--rounds", "1"], "Jt w, hits kept"),

@@ -99,6 +99,7 @@ def test_shards_hold_every_sample_once_in_mixed_order_and_keep_seabeds_apart(swe
         sample.path.stem for shard in shards if shard.subset == "val" for sample in shard.samples}
     assert table[0]["count_box"] == 1 and table[0]["parameter_preset"] == "a" and table[0]["instruction_set"] == "AVX2"
     card = (tmp_path / "set" / "README.md").read_text(encoding="utf-8")
+    assert re.search(r"\npython3 -m mitsonar render \S+ -D bed=\d -D preset=a --seed \d+ -o record\.exr\n", card)
     assert "license: cc-by-4.0" in card and "| train | 6 | 6 | 6 |" in card and "| bed | 0 to 3, median 1.5 |" in card
     croissant = json.loads((tmp_path / "set" / "croissant.json").read_text(encoding="utf-8"))
     assert {file["name"]: file["sha256"] for file in croissant["distribution"]}["train-00000.tar"] == sha256(
@@ -215,7 +216,8 @@ def test_samples_without_pictures_are_left_out_of_a_split(tmp_path):
 
 
 @pytest.mark.parametrize("about", [{"negatives": [1]}, {"negatives": {"a": "b"}}, {"negative_class": 5},
-                                   {"counts": []}, {"counts": {"box": "many"}}, {"width": None},
+                                   {"meshes": [{"mesh": "a"}]}, {"meshes": 5}, {"counts": []},
+                                   {"counts": {"box": "many"}}, {"width": None},
                                    {"height": 1 << 40}, {"seabed": "\ud800"}])
 def test_a_picture_described_by_other_things_is_refused(tmp_path, about):
     (tmp_path / "sweep").mkdir()
@@ -270,6 +272,24 @@ def test_the_card_says_what_was_asked_for_and_what_there_is(tmp_path, capfd):
     import pyarrow.parquet as parquet
 
     assert parquet.read_table(tmp_path / "set" / "index.parquet").to_pylist()[0]["negative_stone|"] == 3
+
+
+def test_meshes_stand_on_the_card_and_those_without_licence_in_a_warning(tmp_path, capfd):
+    import pyarrow.parquet as parquet
+
+    from mitsonar.cli import main as cli
+
+    (tmp_path / "sweep").mkdir()
+    said = {"class": "mine", "author": "A|B", "source": "x", "sha256": "00"}
+    meshes = [{"mesh": "manta", "licence": "CC0-1.0", **said}, {"mesh": "rock", "licence": "not stated", **said}]
+    hostile(tmp_path / "sweep", [{}, {}], meshes=meshes)
+    assert cli.main(["shards", str(tmp_path / "sweep"), "-o", str(tmp_path / "set")]) == 0
+    assert "no licence is stated of 1 mesh: rock; state it in meshes.toml beside them" in capfd.readouterr().err
+    card = (tmp_path / "set" / "README.md").read_text(encoding="utf-8")
+    assert "| manta | mine | CC0-1.0 | A\\|B | x | 2 |" in card and "| rock | mine | not stated |" in card
+    assert parquet.read_table(tmp_path / "set" / "index.parquet").to_pylist()[0]["meshes"] == "manta, rock"
+    croissant = json.loads((tmp_path / "set" / "croissant.json").read_text(encoding="utf-8"))
+    assert {work["license"] for work in croissant["isBasedOn"]} == {"CC0-1.0", "not stated"}
 
 
 def test_a_manifest_with_an_impossible_balance_is_refused(tmp_path):

@@ -104,10 +104,12 @@ def _do(job, threads):
         from mitsonar.device.files import replacing
         from mitsonar.labels.samples import write_sample
 
+        from ..meshes import meshes_of
         from ..products import sample_rules
 
         with replacing(path) as temporary, open(temporary, "wb") as stream:
-            tally = write_sample(dataset, stream, os.path.splitext(job["output"])[0], sample_rules(*job["labels"]))
+            tally = write_sample(dataset, stream, os.path.splitext(job["output"])[0], sample_rules(*job["labels"]),
+                                 meshes_of(scene, job["scene"], job["parameters"]))
         made["labelled"] = tally.record()
     else:
         exr.write(dataset, path)
