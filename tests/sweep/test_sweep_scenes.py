@@ -1,4 +1,5 @@
 """Several scenes in one plan, and subsets that are known before anything is rendered."""
+import dataclasses
 import time
 from collections import Counter
 
@@ -126,6 +127,15 @@ def test_wrong_scenes_are_refused_in_a_sentence(plan, old, new, part):
     with pytest.raises(ValueError, match=part) as refusal:
         plan(SCENES.replace(old, new))
     assert "\n" not in str(refusal.value)
+
+
+def test_a_plan_is_lengthened_by_its_count(plan):
+    crossed = 'scene = "scene.xml"\nsamples = 20\n[grid]\npings = [1, 2]\n[draw]\nrays = { integer = [1, 900] }'
+    for text in (SCENES, crossed):
+        short = plan(text)
+        long = dataclasses.replace(short, count=3 * short.count)
+        assert len(long) == 120 and renders(long)[:40] == renders(short) and len(set(map(str, renders(long)))) == 120
+    assert short.grid == {"pings": (1, 2)} and set(short.draws) == {"rays"} and (short.seeds, short.fixed) == (1, {})
 
 
 def test_renders_of_one_scene_are_samples(plan):
