@@ -19,6 +19,7 @@ from mitsonar.labels.samples import key_of
 from . import recipe as recipes
 from .balance import balance_of
 from .drawing.mixture import parts_of, recipes_of
+from .drawing.rules import Rule
 from .drawing.shares import SharedTurns
 from .drawing.splits import Split
 from .drawing.tables import check_file
@@ -33,7 +34,7 @@ MOST_RENDERS = 1_000_000
 MOST_TRIED = 1000                  # renders whose parameters are computed when a plan is read
 LARGEST_PLAN = 10_000_000          # bytes
 OF_PLAN = ("output", "seed", "samples", "renders", "previews", "classes", "soundings", "split", "scenes", "balance")
-KEYS = (*recipes.KEYS, *OF_PLAN)
+KEYS = ("scene", *OF_PLAN, *(key for key in recipes.KEYS if key != "scene"))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,7 +83,7 @@ class Plan:
     seed : int
         Seed of all draws and of the seeds of renders.
     count : int
-        Number of renders.
+        Number of renders. With more of them (``dataclasses.replace(plan, count=...)``), a plan begins with the same.
     previews : bool
         True to write a PNG beside each file.
     recipes : tuple of Recipe
@@ -122,6 +123,36 @@ class Plan:
     def scene(self) -> str:
         """Return the path of the first scene, in most plans the only one."""
         return self.recipes[0].scene
+
+    @property
+    def fixed(self) -> dict[str, Any]:
+        """Return the parameters of the first scene that have a single value."""
+        return self.recipes[0].fixed
+
+    @property
+    def table(self) -> dict[str, tuple]:
+        """Return the columns of the table of the first scene."""
+        return self.recipes[0].table
+
+    @property
+    def lists(self) -> dict[str, tuple]:
+        """Return the lists of the first scene, side by side."""
+        return self.recipes[0].lists
+
+    @property
+    def grid(self) -> dict[str, tuple]:
+        """Return the crossed values of the first scene."""
+        return self.recipes[0].grid
+
+    @property
+    def draws(self) -> dict[str, Rule]:
+        """Return the rules of the parameters of the first scene that are drawn or follow from others."""
+        return self.recipes[0].rules
+
+    @property
+    def seeds(self) -> int | tuple[int, ...]:
+        """Return the number of renders of every combination of the first scene, or their seeds."""
+        return self.recipes[0].seeds
 
     @property
     def inputs(self) -> Inputs:

@@ -1,5 +1,5 @@
 """Several scenes in one plan, and subsets that are known before anything is rendered."""
-import json
+import dataclasses
 import time
 from collections import Counter
 
@@ -13,7 +13,7 @@ from test_sweep_runs import Pool, left
 from mitsonar.sweep import estimate, execute, load_plan, merging, run
 from mitsonar.sweep.drawing.shares import SharedTurns
 from mitsonar.sweep.execute import only
-from mitsonar.sweep.manifest import SUBSETS
+from mitsonar.sweep.manifest import SUBSETS, ManifestEntry, stamp_of, versions
 from mitsonar.sweep.parts import Part
 
 SCENES = """
@@ -129,6 +129,15 @@ def test_wrong_scenes_are_refused_in_a_sentence(plan, old, new, part):
     assert "\n" not in str(refusal.value)
 
 
+def test_a_plan_is_lengthened_by_its_count(plan):
+    crossed = 'scene = "scene.xml"\nsamples = 20\n[grid]\npings = [1, 2]\n[draw]\nrays = { integer = [1, 900] }'
+    for text in (SCENES, crossed):
+        short = plan(text)
+        long = dataclasses.replace(short, count=3 * short.count)
+        assert len(long) == 120 and renders(long)[:40] == renders(short) and len(set(map(str, renders(long)))) == 120
+    assert short.grid == {"pings": (1, 2)} and set(short.draws) == {"rays"} and (short.seeds, short.fixed) == (1, {})
+
+
 def test_renders_of_one_scene_are_samples(plan):
     with pytest.raises(ValueError, match="give samples"):
         plan('scene = "scene.xml"\nrenders = 3')
@@ -213,6 +222,27 @@ def test_one_render_of_several_scenes_is_made_alone(plan, place, monkeypatch):
         several.render(index).parameters["rays"])
 
 
+def test_scenes_have_rules_of_labels_of_their_own(plan, place, monkeypatch):
+    rules = {}
+
+    class Watched(Pool):
+        def submit(self, job):
+            rules[job["scene"]] = job["labels"]
+            return super().submit(job)
+
+    monkeypatch.setattr(execute, "Local", lambda *_: Watched({}))
+    text = f'classes = ["mine"]{SCENES.replace(".exr", ".tar")}[scenes.labels]\ntile = [64, 64]\n[labels]\nwhole = true'
+    several = plan(text)
+    run(several, place / "out")
+    assert rules == {str(place / "scene.xml"): [{"whole": True}, ("mine",)],
+                     str(place / "other.xml"): [{"whole": True, "tile": [64, 64]}, ("mine",)]}
+    other = next(render for render in renders(several) if render.recipe.name == "other")
+    again = plan(text.replace("[64, 64]", "[32, 64]"))
+    assert again.digest(again.render(other.index)) != several.digest(other)
+    reef = next(render for render in renders(several) if render.recipe.name == "reef")
+    assert again.digest(again.render(reef.index)) == several.digest(reef)
+
+
 def homes(found, *names):
     """Subsets of every group."""
     subsets = {}
@@ -273,6 +303,23 @@ def test_without_a_group_images_are_split_and_repeated_seeds_stay_together(plan)
     assert all(render.split is None for render in plain)
 
 
+def test_stratified_draws_hold_in_scenes_cases_and_splits(plan):
+    """Even over 2^m samples of each scene; a group that is drawn again for its subset is no longer even."""
+    text = 'renders = 128\n[draw]\nrays = { integer = [1, 32], stratified = true }\n[[scenes]]\nscene = "scene.xml"\n' \
+        '[[scenes]]\nscene = "other.xml"\n'
+    found = renders(plan(text))
+    for name in ("scene", "other"):
+        counts = Counter(render.parameters["rays"] for render in found if render.recipe.name == name)
+        assert set(counts.values()) == {2} and len(counts) == 32
+    assert found[:20] == renders(plan(text.replace("128", "20")))
+    split = renders(plan(text + SPLIT))
+    assert all(len(subsets) == 1 for subsets in homes(split, "rays").values())
+    assert {render.split for render in split} == set(SUBSETS)
+    cases = renders(plan('scene = "scene.xml"\nsamples = 64\n[draw]\nspeckle = { choice = [true, false] }\nrays = { '
+                         'when = "speckle", cases = { true = { integer = [1, 4], stratified = true }, false = 5 } }'))
+    assert {render.parameters["rays"] for render in cases if render.parameters["speckle"]} == {1, 2, 3, 4}
+
+
 def test_a_split_names_files(plan):
     found = renders(plan(f'output = "{{split}}/{{index}}.exr"{SCENES.replace("output", "#")}{SPLIT}'))
     assert all(render.output == f"{render.split}/{render.index}.exr" for render in found)
@@ -301,13 +348,23 @@ def test_redraw_does_not_move_a_render_to_another_subset(plan):
         plan(f'scene = "scene.xml"\nredraw = ["rays"]\n[draw]\nrays = {{ integer = [1, 100000] }}{SPLIT}')
 
 
-def test_a_plan_of_a_million_renders_loads_and_resumes_in_seconds(place, plan):
-    """CPU seconds of reading the plan, of its state without and with a manifest of a hundred thousand lines."""
+def test_a_plan_of_a_million_renders_loads_and_resumes_in_seconds(place, plan, monkeypatch):
+    """CPU seconds of reading the plan, and of its state with nothing there and with every second render.
+
+    Some 3 s were measured, with the entries; drawing the parameters of all renders would take 40.
+    """
     text = SCENES.replace("renders = 40", "renders = 1000000").replace('"{scene}_', '"{split}/{scene}/') + SPLIT
     begin = time.process_time()
     large = plan(text.replace("{index:04}", "{index:07}"))
-    folders = execute._folders(large, "out")
-    state = execute.standing(large, str(place / "out"), {}, {})
-    assert len(state.missing) == 1_000_000 and len(folders) == 9
-    assert time.process_time() - begin < 5
-    assert json.dumps(large.render(999_999).parameters)
+    assert len(execute._folders(large, "out")) == 9 and large.render(999_999).split in SUBSETS
+    assert len(execute.standing(large, str(place / "out"), {}, {}).missing) == 1_000_000
+    monkeypatch.setattr(execute, "_is_there", lambda *_: True)
+    digest, made_by = large.digests(), versions()
+    inputs = {recipe.name: digest(render) for render in map(large.render, range(20)) for recipe in [render.recipe]}
+    stamp = stamp_of(large.stamp, made_by)
+    entries = {str(index): ManifestEntry(key=b"", status="ok", bytes=1, preview=None, seconds=1.0, index=index,
+                                         inputs=inputs[large.turn(index)[0].name], stamp=stamp)
+               for index in range(0, 1_000_000, 2)}
+    state = execute.standing(large, str(place / "out"), entries, made_by)
+    assert len(state.missing) == len(state.finished) == 500_000
+    assert time.process_time() - begin < 10

@@ -19,7 +19,7 @@ from ..recipe import Recipe, RecipePlace
 from ..values import fraction, number, random_bits, shortened
 from .shares import SharedTurns
 
-MOST_TRIES = 2000                  # draws of a group; a subset of 1 % is missed once in 5e8
+TRIES, MOST_TRIES = 20, 2000       # draws of a group, over the smallest share; a subset is missed once in e^20
 MOST_LISTED = 100_000              # groups that have turns
 
 
@@ -48,6 +48,7 @@ class Split:
         self._turns = {recipe.name: SharedTurns(list(self.shares.values()), recipe.seed, "split") for recipe in recipes}
         self._drawn = {recipe.name: self._drawn_again(recipe) for recipe in recipes}
         self._homes: dict[str, str] = {}
+        self._tries = min(math.ceil(TRIES / min(self.shares.values())), MOST_TRIES)
         listed = list(dict.fromkeys(key for recipe in recipes for key in _listed(recipe, self._own(recipe))))
         turns = SharedTurns(list(self.shares.values()), seed, "split", "groups", all_first=True)
         for turn, key in enumerate(listed):
@@ -58,16 +59,12 @@ class Split:
         """Return the subset and the parameters of a render."""
         turn = place.sample * recipe.combinations() + place.combination
         wanted, drawn = self._names[self._turns[recipe.name][turn][0]], self._drawn[recipe.name]
-        subset, parameters = wanted, recipe.parameters(place, redrawn)
-        if not self.group:
-            return subset, parameters
-        for attempt in range(1, MOST_TRIES):
-            subset = self.home(_key({name: parameters[name] for name in self._own(recipe)}))
-            if subset == wanted or not drawn:
-                break
+        subset, parameters, own = wanted, {}, self._own(recipe)
+        for attempt in range(self._tries if drawn else 1):
             parameters = recipe.parameters(place, redrawn, attempt, drawn)
-        else:
-            subset = self.home(_key({name: parameters[name] for name in self._own(recipe)}))
+            subset = self.home(_key({name: parameters[name] for name in own})) if own else wanted
+            if subset == wanted:
+                break
         return subset, parameters
 
     def home(self, key: str) -> str:
