@@ -191,11 +191,13 @@ def _print_estimate(plan, part, arguments):
                  f"{_count(cost.processes, 'process')} of {cost.threads} threads"
                  + (f", of which the cores run {cost.at_once} at once" if cost.at_once < cost.processes else ""))
         for scene in cost.scenes if len(cost.scenes) > 1 else ():
+            hours, _, price = costs(scene, cost.threads, rates, MANY)
             announce(f"  {scene.name}: {_count(scene.missing, 'render')}, {scene.seconds:.2g} s and "
-                     f"{size_said(scene.bytes)} each")
+                     f"{size_said(scene.bytes)} each; per {MANY:,} renders {hours:.3g} core hours"
+                     + f", {price}" * bool(price))
         announce(f"disk: about {size_said(cost.bytes * cost.missing)}, and {size_said(cost.free)} are free")
         for count, said in ((cost.missing, "in all"), (MANY, f"per {MANY:,} renders")):
-            hours, size, price = costs(cost, rates, count)
+            hours, size, price = costs(cost, cost.threads, rates, count)
             announce(f"{said}: {hours:.3g} core hours and {size_said(size)}" + f", {price}" * bool(price))
     return 0
 

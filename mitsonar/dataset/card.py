@@ -33,10 +33,11 @@ MESH = ("mesh", "class", "licence", "author", "source", "sha256")
 LIMITS = ("Every picture is computed, none is recorded. What a sonar hears follows from the scene: sea floors, objects "
           "and water are models of their kind. Test detectors that learned from them alone on recordings.")
 # names of Croissant 1.0; a reader compares the list with its own
-CONTEXT = {"@language": "en", "@vocab": "https://schema.org/", "cr": "http://mlcommons.org/croissant/",
-           "sc": "https://schema.org/", "dct": "http://purl.org/dc/terms/", "rai": "http://mlcommons.org/croissant/RAI/",
-           "conformsTo": "dct:conformsTo", "data": {"@id": "cr:data", "@type": "@json"},
-           "dataType": {"@id": "cr:dataType", "@type": "@vocab"}, "examples": {"@id": "cr:examples", "@type": "@json"},
+CONTEXT = {"@language": "en", "@vocab": "https://schema.org/", "sc": "https://schema.org/",
+           "cr": "http://mlcommons.org/croissant/", "rai": "http://mlcommons.org/croissant/RAI/",
+           "dct": "http://purl.org/dc/terms/", "conformsTo": "dct:conformsTo",
+           "data": {"@id": "cr:data", "@type": "@json"}, "dataType": {"@id": "cr:dataType", "@type": "@vocab"},
+           "examples": {"@id": "cr:examples", "@type": "@json"},
            **{name: f"cr:{name}" for name in (
                "citeAs", "column", "equivalentProperty", "extract", "field", "fileObject", "fileProperty", "fileSet",
                "format", "includes", "isLiveDataset", "jsonPath", "key", "md5", "parentField", "path", "recordSet",

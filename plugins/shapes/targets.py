@@ -214,7 +214,8 @@ def _species(attributes, sources):
         sources.update({name: (files[name][0], statement(files[name][0])) for name in names if name in files})
     except (ValueError, OSError) as error:
         raise attributes.error(f"{error}.") from None
-    return [stones(name) if name in KINDS else (_body(attributes, *files[name], sources[name][1]),) for name in names]
+    return [stones(name) if name in KINDS else (_body(attributes, files[name][0], files[name][1], sources[name][1]),)
+            for name in names]
 
 
 def _body(attributes, path, content, stated):
