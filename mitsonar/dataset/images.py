@@ -285,7 +285,7 @@ class Images:
             if error.name is None or error.name.partition(".")[0] != "torch":
                 raise
             raise ImportError("PyTorch is not installed here; install torch, or use stack() or xarray().") from None
-        return TorchImages(self, image=image, target=target, transform=transform)
+        return TorchImages(self, image=image, target=target, transform=transform, length=len(self))
 
     def _subset(self, sources):
         """Return a part of the images with unchanged class numbers."""
@@ -311,7 +311,14 @@ def _read(source: Source, form: Form | None, cell: float | None) -> SonarImage:
     record = source.read()
     if form is None or source.frame is None:
         return record
-    frame = record.isel(ping=bearings(record)[1][source.frame])
+    return frame_of(record, source.frame, form, cell)
+
+
+def frame_of(record: SonarImage, number: int, form: Form | None, cell: float | None) -> SonarImage:
+    """Return a frame of a record in a form; the record itself without one."""
+    if form is None:
+        return record
+    frame = record.isel(ping=bearings(record)[1][number])
     return SonarImage.of(frame if form == "polar" else cartesian(frame, cell))
 
 

@@ -11,22 +11,24 @@ from mitsonar.imaging.focused import bin_dims
 from mitsonar.imaging.maps.raster import LEVELS
 from mitsonar.labels.annotations import HIGHLIGHT, annotations
 from mitsonar.labels.frames import LabelFrame
+from mitsonar.labels.rules import Labels
 from mitsonar.units import NOTHING_DB
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from .sources import Source
-
 
 class LabelledImages(Protocol):
     """Interface that `TorchImages` needs; `mitsonar.dataset.Images` has it."""
 
-    sources: "tuple[Source, ...]"
-    classes: tuple[str, ...]
-    object_classes: tuple[str, ...]
+    @property
+    def sources(self) -> Any: ...                      # by number; each has a path
 
-    def __len__(self) -> int: ...
+    @property
+    def classes(self) -> tuple[str, ...]: ...
+
+    @property
+    def object_classes(self) -> tuple[str, ...]: ...
 
     def __getitem__(self, number: int, /) -> "xr.Dataset": ...
 
@@ -37,11 +39,13 @@ class TorchImages(torch.utils.data.Dataset):
     """PyTorch dataset of pairs of image and target; see `mitsonar.dataset.Images.torch`."""
 
     def __init__(self, images: LabelledImages, *, image: "str | Callable[[xr.Dataset], Any]",
-                 target: "str | Callable[[xr.Dataset], Any] | None", transform: Callable[..., Any] | None):
+                 target: "str | Callable[[xr.Dataset], Any] | None", transform: Callable[..., Any] | None,
+                 rules: Labels | None = None, length: int | None = None):
         self.images, self.image, self.target, self.transform = images, image, target, transform
+        self.rules, self.length = rules, length
 
     def __len__(self):
-        return len(self.images)
+        return self.length
 
     def __getitem__(self, number):
         # each form of the image is read at most once, and only if needed
@@ -82,7 +86,8 @@ class TorchImages(torch.utils.data.Dataset):
         if self.target == "class":
             numbers = np.zeros(1 + max(map(int, dataset.attrs["classes"]), default=0), np.int64)
             for class_number, name in dataset.attrs["classes"].items():
-                numbers[int(class_number)] = 1 + self.images.classes.index(name)
+                if name in self.images.classes:
+                    numbers[int(class_number)] = 1 + self.images.classes.index(name)
             return torch.as_tensor(numbers[values])
         return torch.as_tensor(values.astype(np.int64 if values.dtype.kind in "iub" else np.float32))
 
@@ -93,7 +98,11 @@ class TorchImages(torch.utils.data.Dataset):
             raise ValueError(f"{path} holds {len(frames)} pictures, one for each ping, but boxes need one; open it "
                              "with form=\"polar\" or \"cartesian\".")
         frame, = frames
-        highlights = [piece for piece in annotations(dataset, frames)[0] if piece.kind == HIGHLIGHT]
+        rules = self.rules or Labels(masks=True, smallest=1)
+        pieces, = annotations(dataset, frames, threshold=rules.threshold, smallest=rules.smallest,
+                              above_noise_db=rules.above_noise_db)
+        highlights = [piece for piece in pieces if piece.kind == HIGHLIGHT and piece.shown >= rules.min_visible
+                      and piece.class_name in self.images.object_classes]
         masks = np.zeros((len(highlights), frame.height, frame.width), np.uint8)
         boxes = np.zeros((len(highlights), 4), np.float32)
         for mask, box, piece in zip(masks, boxes, highlights, strict=True):

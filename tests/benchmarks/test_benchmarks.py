@@ -39,6 +39,7 @@ RUNS = {
     "frame_errors": (["frame_errors.py", "--quick", "bed"], "mean |beam|²"),
     "killed_parts": (["killed_parts.py", "--samples", "2", "--kills", "1", "--longest", "3"], "manifest are the same"),
     "moving": (["moving.py", "--frames", "1", "--beams", "32"], "moving"),
+    "on_the_fly": (["on_the_fly.py", "--images", "3", "--workers", "0"], "images a second"),
     "frame": (["frame.py", *FRAME, "--rounds", "1"], "picture, this checkout"),
     "gradients": (["gradients.py", "--rays", "4000", "--pings", "2", "--rounds", "1"], "Jt w, hits kept"),
     "inversions": (["inversions.py", "--quick", "--scenes", "mounds", "--looks", "1", "--pings", "7", "--spacing", "4"],

@@ -1,0 +1,188 @@
+"""Rendered images as an iterable dataset of PyTorch, imported only on demand."""
+import dataclasses
+import os
+import warnings
+from collections.abc import Callable, Iterator
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import torch  # pyright: ignore[reportMissingImports]  optional dependency
+import torch.distributed  # pyright: ignore[reportMissingImports]  optional dependency
+import torch.utils.data  # pyright: ignore[reportMissingImports]  optional dependency
+
+from mitsonar.device.sentences import sentence
+from mitsonar.labels.frames import Form
+from mitsonar.labels.rules import Labels
+from mitsonar.sweep.plan import Plan, load_plan
+from mitsonar.sweep.pools.local import cores
+from mitsonar.sweep.products import sample_rules
+
+from .rendered_images import RenderedImage, frames_in, rendered
+from .torch_images import TorchImages
+
+MOST_WORKERS = 1024
+MOST_FAILED = 20                   # renders in a row
+
+
+class RenderedImages(torch.utils.data.IterableDataset):
+    """PyTorch dataset that renders its images; see `mitsonar.dataset.rendering`."""
+
+    def __init__(self, plan: Plan, *, image: Any, target: Any, transform: Callable[..., Any] | None,
+                 classes: tuple[str, ...] | None, form: Form | None, cell: float | None, endless: bool, shuffle: bool,
+                 rank: int | None, world_size: int | None, threads: int | None):
+        self.plan, self.image, self.target, self.transform = plan, image, target, transform
+        self.negatives = (plan.labels or {}).get("negatives", ())
+        self.complete = classes is None                # the plan promises that objects have no other classes
+        self.classes = classes or tuple(name for name in plan.classes or () if name not in self.negatives)
+        self.form, self.cell = form, cell
+        self.endless, self.shuffle, self.threads = endless, shuffle, threads
+        self.rank, self.world_size = _place(rank, world_size)
+        if threads is not None and threads < 2:
+            raise ValueError(f"{threads} threads were asked for; give 2 or more (Mitsuba needs two even on one core).")
+        if self.world_size > len(plan):
+            raise ValueError(f"{plan.path} makes {len(plan)} renders, fewer than the {self.world_size} processes of "
+                             "the training; raise its samples.")
+        # of each worker: two numbers of its iteration, and its next epoch; shared, as every epoch may have new workers
+        self._table = torch.zeros((MOST_WORKERS, 3), dtype=torch.int64).share_memory_()
+        self._begun = 0                                # iterations in this process
+        self._state: dict[str, int] | None = None      # to begin at
+        self._at = {"epoch": 0, "done": 0, "frames": 0}
+        if endless:
+            self._check_epoch(1)
+
+    def __len__(self):
+        if self.endless or self.form is not None:
+            raise TypeError("the number of images is not known: " +
+                            ("they are endless." if self.endless else "each render may have several frames."))
+        return len(self.plan) // self.world_size
+
+    def set_epoch(self, epoch: int) -> None:
+        """Begin the next iteration of every worker at an epoch, counted from 0."""
+        self._table[:] = torch.as_tensor([-1, -1, int(epoch)])
+
+    def state_dict(self) -> dict[str, int]:
+        """Return where this worker is: its epoch, renders that are done, and frames of the next."""
+        return dict(self._at)
+
+    def load_state_dict(self, state: dict[str, int]) -> None:
+        """Begin the next iteration of this worker where another one was."""
+        self._state = {name: int(state[name]) for name in self._at}
+
+    def __iter__(self) -> Iterator[Any]:
+        info = torch.utils.data.get_worker_info()
+        worker, workers = (0, 1) if info is None else (info.id, info.num_workers)
+        if workers > MOST_WORKERS:
+            raise ValueError(f"{workers} workers were asked for; give at most {MOST_WORKERS}.")
+        self._set_threads(None if info is None else workers)
+        state, self._state = self._state, None
+        # workers of one iteration have these numbers in common
+        iteration = torch.as_tensor([-1 if info is None else info.seed - worker, self._begun])
+        self._begun += 1
+        if state is None:
+            earlier = (self._table[:, :2] != iteration).any(1)
+            state = {"epoch": int((self._table[:, 2] * earlier).max()), "done": 0, "frames": 0}
+        self._check_epoch(state["epoch"])
+        self._table[worker, :2] = iteration            # before the epoch, which others take for an earlier one's
+        self._table[worker, 2] = state["epoch"] + 1
+        return self._images(worker, workers, state)
+
+    def _images(self, worker, workers, state):
+        epoch, done, skipped = state["epoch"], state["done"], state["frames"]
+        while True:
+            plan = dataclasses.replace(self.plan, samples=self.plan.samples * (epoch + 1))
+            share, failed = self.share(epoch, worker, workers), 0
+            for number, index in enumerate(share[done:].tolist(), done):
+                self._at = {"epoch": epoch, "done": number, "frames": skipped}
+                try:
+                    record = rendered(plan, index)
+                except (ValueError, OSError, MemoryError) as error:
+                    if (failed := failed + 1) >= MOST_FAILED:
+                        raise ValueError(f"{failed} renders of {plan.path} failed one after the other, the last one "
+                                         f"because {sentence(error)}") from error
+                    warnings.warn(f"render {index} of {plan.path} is left out: {sentence(error)}", stacklevel=2)
+                    continue
+                failed = 0
+                for frame, part in enumerate(frames_in(record, self.form)):
+                    if frame >= skipped:
+                        self._at["frames"] = frame + 1
+                        yield self._pair(part, index)
+                skipped = 0
+            self._at = {"epoch": epoch, "done": len(share), "frames": 0}
+            if not self.endless:
+                return
+            epoch, done = epoch + 1, 0
+            self._table[worker, 2] = epoch + 1
+
+    def share(self, epoch: int, worker: int, workers: int) -> np.ndarray:
+        """Return the numbers of the renders that a worker makes in an epoch."""
+        total = len(self.plan)
+        order = np.random.default_rng([self.plan.seed, epoch]).permutation(total) if self.shuffle else np.arange(total)
+        # the same number on every rank, so that none waits for images of another
+        ours = order[self.rank::self.world_size][:total // self.world_size]
+        return epoch * total + ours[worker::workers]
+
+    def _pair(self, record, index):
+        objects = {entry["class"] for entry in (record.attrs.get("objects") or {}).values()}
+        if (self.target in ("class", "boxes") and self.complete
+                and (lacking := objects - {*self.classes, *self.negatives})):
+            raise ValueError(f"render {index} of {self.plan.path} has objects of the class "
+                             f"{', '.join(sorted(lacking))}, which the plan's classes lack; give all of them there, or "
+                             "those to learn here.")
+        one = RenderedImage(record=record, form=self.form, cell=self.cell,
+                            sources={index: SimpleNamespace(path=f"render {index} of {self.plan.path}")},
+                            classes=self.classes, object_classes=self.classes)
+        return TorchImages(one, image=self.image, target=self.target, transform=self.transform,
+                           rules=self._rules())[index]
+
+    def _rules(self) -> Labels | None:
+        """Return the plan's rules of labels, if it has any."""
+        given, classes = self.plan.labels, self.plan.classes
+        return None if given is None or classes is None else sample_rules(given, classes).labels
+
+    def _check_epoch(self, epoch):
+        if epoch and not isinstance(self.plan.seeds, int) and not self.plan.draws:
+            raise ValueError(f"{self.plan.path} draws nothing and lists its seeds, so that every epoch after the first "
+                             "would repeat its images; add [draw], or give the number of seeds.")
+
+    def _set_threads(self, workers):
+        """Share the cores with the other workers; leave the main process alone unless `threads` is given."""
+        if workers is None and self.threads is None:
+            return
+        from mitsonar.scene.loading import prepare
+
+        prepare()
+        import drjit as dr
+        import mitsuba as mi
+
+        if workers is not None:
+            mi.set_log_level(mi.LogLevel.Error)
+        beside = (workers or 1) * int(os.environ.get("LOCAL_WORLD_SIZE", 1))
+        threads = self.threads or max(2, cores() // beside)
+        if dr.thread_count() != threads:
+            dr.set_thread_count(threads)
+
+    def __getstate__(self):
+        # draws hold functions, so that a worker reads the plan itself
+        return {**self.__dict__, "plan": (self.plan.path, self.plan.stamp)}
+
+    def __setstate__(self, state):
+        path, stamp = state["plan"]
+        self.__dict__.update(state, plan=load_plan(path))
+        if self.plan.stamp != stamp:
+            raise ValueError(f"{path} was changed since the data set was made; make the data set again.")
+
+
+def _place(rank: int | None, world_size: int | None) -> tuple[int, int]:
+    """Return rank and number of processes, from PyTorch or torchrun where they are not given."""
+    if (rank is None) != (world_size is None):
+        raise ValueError(f"the rank is {rank} and the number of processes {world_size}; give both or none.")
+    if rank is None or world_size is None:
+        if torch.distributed.is_available() and torch.distributed.is_initialized():
+            rank, world_size = torch.distributed.get_rank(), torch.distributed.get_world_size()
+        else:
+            rank, world_size = (int(os.environ.get(name, default))
+                                for name, default in (("RANK", 0), ("WORLD_SIZE", 1)))
+    if not 0 <= rank < world_size:
+        raise ValueError(f"the rank is {rank} of {world_size} processes; give one from 0 to {world_size - 1}.")
+    return rank, world_size
