@@ -6,6 +6,8 @@ their type, because what Dr.Jit converts has any alignment. `held` maps NaN into
 `minimum` and `maximum` keep NaN, and a gather at `UInt32(NaN)` = 4294967295 reads outside the table or ends the
 process.
 """
+import ctypes
+import functools
 import importlib
 from collections.abc import Callable, Iterable
 from dataclasses import fields, is_dataclass, replace
@@ -82,6 +84,22 @@ def upload(kind: type[Kept], values: np.ndarray) -> Kept:
     place = raw[start:start + values.nbytes].view(values.dtype)
     place[:] = values
     return cast(Any, kind)(place)
+
+
+def give_back_memory() -> None:
+    """Return memory that Dr.Jit and the C library keep for later arrays to the system."""
+    dr.flush_malloc_cache()
+    if (trim := _trim()) is not None:
+        trim(0)
+
+
+@functools.cache
+def _trim() -> Callable[[int], int] | None:
+    """Return glibc's `malloc_trim`; None with another C library."""
+    try:
+        return ctypes.CDLL(None).malloc_trim
+    except (AttributeError, OSError, TypeError):
+        return None
 
 
 def where_any(mask: Bool, work: Callable[[Bool], None]) -> None:

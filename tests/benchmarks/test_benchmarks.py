@@ -55,6 +55,7 @@ RUNS = {
     "profile_from_soundings": (["profile_from_soundings.py", "--quick"], "mean only"),
     "soundings": (["soundings.py", "--preset", "shelf_80khz", "-Ddepth=12", "-Drange=40", "-Dswath_deg=120",
                    "--rounds", "1"], "shelf_80khz, with the water"),
+    "starts": (["starts.py", "--rounds", "1", "--only", "describe"], "kept"),
     "survey": (["ping.py", *SMALL, "--rays", "4000", "--survey", "4"], "peak [MB]"),
 }
 
