@@ -2,7 +2,7 @@
 
     python tests/benchmarks/soundings.py                           two instruments at 50 m, with and without the water
     python tests/benchmarks/soundings.py --against ../other        the same, ping by ping in turn with that checkout
-    python tests/benchmarks/soundings.py --wide                    512 beams over 140 degrees, a bed of 2.5 million nodes
+    python tests/benchmarks/soundings.py --wide                    512 beams, 140 degrees, a bed of 2.5 million nodes
     python tests/benchmarks/soundings.py --pings 1000 -o a.kmall   seconds a ping and memory over a line that is written
 
 Each checkout is one process an instrument; the first ping, which compiles kernels, counts as its start. CPU seconds are
@@ -132,7 +132,8 @@ def compare(arguments):
 
 def costs(arguments, preset, checkouts):
     """Seconds of all pings by checkout and kind, (1 + rounds, 2 + parts)."""
-    options = [*(["--wide"] if arguments.wide else []), f"--preset={preset}", f"--rounds={arguments.rounds}", *(f"-D{one}" for one in arguments.parameters)]
+    options = [f"--preset={preset}", f"--rounds={arguments.rounds}", *(f"-D{one}" for one in arguments.parameters),
+               *(["--wide"] if arguments.wide else [])]
     workers = {name: subprocess.Popen([sys.executable, __file__, f"--worker={root}", *options], text=True,
                                       stdin=subprocess.PIPE, stdout=subprocess.PIPE,
                                       env={**os.environ, "PYTHONPATH": str(root)})

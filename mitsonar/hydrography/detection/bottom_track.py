@@ -105,8 +105,7 @@ def track(echoes: BottomEchoes, sines: np.ndarray, widths: np.ndarray, noise: fl
     together = -(-len(sines) // ROWS)
     first = np.arange(0, len(sines), together)
     count = np.diff(np.append(first, len(sines)))
-    power, common = (np.add.reduceat(values, first, axis=0) / count[:, None] for values in
-                     (echoes.power, echoes.common))
+    power, common = (_summed_rows(values, together) / count[:, None] for values in (echoes.power, echoes.common))
     angle = np.arcsin(np.clip(np.add.reduceat(sines, first) / count, -0.9999, 0.9999))
     width = np.maximum.reduceat(widths, first)
     score, cells = _scores(echoes, power, common, angle, width, noise, gate)
@@ -153,9 +152,21 @@ def _scores(echoes: BottomEchoes, power: np.ndarray, common: np.ndarray, angle: 
     return np.where(sure & (time <= gate[1]), score, 0.0), cells
 
 
+def _summed_rows(values: np.ndarray, together: int) -> np.ndarray:
+    """Return the sums of so many rows after each other (G, N); the last may be of fewer."""
+    # the first row is added last, as `np.add.reduceat` does
+    total, rest = values[::together].copy(), values[1::together].copy() if together > 1 else values[:0]
+    for number in range(2, together):
+        more = values[number::together]
+        rest[:len(more)] += more
+    total[:len(rest)] += rest
+    return total
+
+
 def _means(values: np.ndarray, begin: np.ndarray, end: np.ndarray) -> np.ndarray:
     """Average rows (G, N) between begin and end (G, Z)."""
-    total = np.concatenate([np.zeros((len(values), 1)), np.cumsum(values, axis=1, dtype=float)], axis=1)
+    total = np.zeros((len(values), values.shape[1] + 1))
+    np.cumsum(values, axis=1, out=total[:, 1:])
     return (np.take_along_axis(total, end, 1) - np.take_along_axis(total, begin, 1)) / (end - begin)
 
 
