@@ -36,7 +36,7 @@ def main(argv: "list[str] | None" = None) -> int:
 
 
 def _run(argv, bootstrap, llvm):
-    from mitsonar.device.lazy import collect_later
+    from mitsonar.device.lazy import begin_command
 
     bootstrap.enter(argv)
     if argv[:1] == ["test"]:
@@ -44,7 +44,7 @@ def _run(argv, bootstrap, llvm):
     if argv[:1] == ["llvm"]:
         print(llvm.locate() or llvm.provide(bootstrap.say))
         return 0
-    collect_later()
+    begin_command()
     from mitsonar.cli.main import main as run_command
 
     return run_command(argv)

@@ -19,12 +19,17 @@ from typing import Any
 _first_use = threading.RLock()
 
 
-def collect_later(objects: int = 200_000) -> None:
-    """Put off the first collection of garbage until there are so many objects, more than the start of a command makes.
+_of_command = False                # True in a process of mitsonar's own
 
-    What the start made is not looked through again. Then collections are as usual.
+
+def begin_command(objects: int = 200_000) -> None:
+    """Make the start of a command quick, in a process of its own, where nobody else minds.
+
+    The first collection of garbage is put off until there are so many objects, more than the start makes, and what it
+    made is not looked through again; then collections are as usual. xarray imports Dask only where Dask is in use.
     """
-    usual = gc.get_threshold()
+    global _of_command
+    _of_command, usual = True, gc.get_threshold()
 
     def go_on(phase: str, info: dict[str, int]) -> None:
         if phase == "stop":
@@ -65,11 +70,14 @@ class _DaskArrays:
 
 
 def _dask_when_used() -> None:
-    """Let xarray import Dask when a program has use for Dask, not with the first array."""
+    """Let xarray import Dask when a command has use for Dask, not with the first array.
+
+    This reaches into xarray, and is therefore done in commands alone; if xarray looks different, it is not done.
+    """
     table = getattr(sys.modules.get("xarray.namedarray.pycompat"), "_cached_duck_array_modules", None)
     utils: Any = sys.modules.get("xarray.namedarray.utils")
     is_collection = getattr(utils, "is_dask_collection", None)
-    if isinstance(table, dict) and is_collection is not None:
+    if _of_command and isinstance(table, dict) and is_collection is not None:
         if "dask" not in table:
             table["dask"] = _DaskArrays()
             utils.is_dask_collection = lambda x: "dask.base" in sys.modules and is_collection(x)

@@ -2,7 +2,7 @@
 
     python tests/benchmarks/soundings.py                           two instruments at 50 m, with and without the water
     python tests/benchmarks/soundings.py --against ../other        the same, ping by ping in turn with that checkout
-    python tests/benchmarks/soundings.py --wide                    512 beams, 140 degrees, a bed of 2.5 million nodes
+    python tests/benchmarks/soundings.py --wide                    512 beams, 140 degrees, 2.5 million nodes of a bed
     python tests/benchmarks/soundings.py --pings 1000 -o a.kmall   seconds a ping and memory over a line that is written
 
 Each checkout is one process an instrument; the first ping, which compiles kernels, counts as its start. CPU seconds are

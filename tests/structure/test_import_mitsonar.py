@@ -167,7 +167,8 @@ MAY_IMPORT = {
 @pytest.mark.parametrize("command", MAY_IMPORT, ids=lambda command: command[0])
 def test_a_command_imports_no_heavy_module_that_it_does_not_need(tmp_path, command):
     (tmp_path / "scene.xml").write_text(TEXT)
-    code = ("import sys; from mitsonar.cli.main import main; sys.exit(main(sys.argv[1:]) or "
+    code = ("import sys; from mitsonar.device.lazy import begin_command; begin_command(); "
+            "from mitsonar.cli.main import main; sys.exit(main(sys.argv[1:]) or "
             f"print(*['loaded', *({set(HEAVY)} & set(sys.modules))], file=sys.stderr))")
     child = subprocess.run([sys.executable, "-c", code, *command], capture_output=True, text=True, check=True,
                            cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(ROOT)})
@@ -177,6 +178,8 @@ def test_a_command_imports_no_heavy_module_that_it_does_not_need(tmp_path, comma
 def test_xarray_knows_arrays_of_dask_once_dask_is_there():
     """A picture is made without Dask, which is imported and recognised when somebody uses it."""
     code = """import sys, mitsonar, numpy as np, xarray as xr
+from mitsonar.device.lazy import begin_command
+begin_command()
 mitsonar.render
 picture = xr.Dataset({"level": (("ping", "bin"), np.ones((4, 6)))}, coords={"ping": np.arange(4)})
 assert float(picture.level.sum()) == 24 and picture.isel(ping=0).level.values.shape == (6,)
