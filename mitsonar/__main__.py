@@ -36,12 +36,15 @@ def main(argv: "list[str] | None" = None) -> int:
 
 
 def _run(argv, bootstrap, llvm):
+    from mitsonar.device.lazy import begin_command
+
     bootstrap.enter(argv)
     if argv[:1] == ["test"]:
         return bootstrap.run_tests(argv[1:])
     if argv[:1] == ["llvm"]:
         print(llvm.locate() or llvm.provide(bootstrap.say))
         return 0
+    begin_command()
     from mitsonar.cli.main import main as run_command
 
     return run_command(argv)

@@ -374,9 +374,19 @@ def lobster_pot():
     return grounded([*hoops, *stringers, *posts, *slats])
 
 
+def debris():
+    """Wreckage of a hull: a torn plate of 2.2 x 1.5 m with three frames, a piece that stands up, and a broken mast."""
+    generator = np.random.default_rng(7)
+    frames = [box((1.0, 0.08, 0.16), (0, y, 0.08)) for y in (-0.6, 0.0, 0.6)]
+    piece = moved(plate((0.8, 1.1, 0.04), generator), roll=35, by=(0.5, -0.5, 0.3))
+    mast = tube((-0.9, -0.8, 0.22), (0.7, 1.2, 0.3), (0.09, 0.06), sides=10)
+    return grounded([plate((1.5, 2.2, 0.05), generator), *frames, piece, mast])
+
+
 SPECIES = {"anchor": anchor, "boulder": lambda: grounded([boulder()]), "clump": clump, "crate": crate,
-           "cylinder": cylinder, "drum": drum, "lobster_pot": lobster_pot, "sphere": sphere, "torpedo": torpedo,
-           "truncated_cone": lambda: grounded([truncated_cone()]), "tyre": lambda: grounded([tyre()]), "wedge": wedge}
+           "cylinder": cylinder, "debris": debris, "drum": drum, "lobster_pot": lobster_pot, "sphere": sphere,
+           "torpedo": torpedo, "truncated_cone": lambda: grounded([truncated_cone()]),
+           "tyre": lambda: grounded([tyre()]), "wedge": wedge}
 
 TARGETS = {"boulder": boulder, "diver": diver, "diver_kick_left": lambda: diver(-16),
            "diver_kick_right": lambda: diver(16), "hulk": hulk, "letters": letters, "truncated_cone": truncated_cone,

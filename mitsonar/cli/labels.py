@@ -6,7 +6,9 @@ import sys
 from .arguments import Commands, add_gain, gain, whole
 from .completion import add_file
 from .progress import Progress
-from .words import announce
+from .words import announce, warn
+
+MOST_NAMES = 10                    # of meshes in a warning
 
 
 def add(commands: Commands) -> None:
@@ -32,6 +34,10 @@ def add(commands: Commands) -> None:
     labels.add_argument("--classes", metavar="NAMES",
                         help="names of objects, numbered in this order, such as \"cylinder, tyre\"; default: those of "
                              "the plan or images")
+    labels.add_argument("--negatives", default="", metavar="NAMES",
+                        help="names of objects that a detector must not find, such as \"rounded_stone, tyre\": they "
+                             "get no annotations")
+    labels.add_argument("--negative-class", metavar="NAME", help="annotate them, too, as one class of that name")
     labels.add_argument("--tile", type=_size, metavar="PINGSxBINS",
                         help="cut the pictures into tiles, as 512x512; for arrays BINSxBEAMS, in metres ROWSxCOLUMNS")
     labels.add_argument("--overlap", type=float, default=0.0, metavar="SHARE",
@@ -44,7 +50,9 @@ def add(commands: Commands) -> None:
     add_gain(labels, "seabed", "display gain over range, except in focused images")
     labels.add_argument("--window", type=_window, metavar="BLACK,WHITE",
                         help="levels after the gain [dB], as --window=60,90; default: chosen for each image")
-    labels.add_argument("--split", metavar="SHARES", help="subsets without a common seabed: train=0.8,val=0.1,test=0.1")
+    labels.add_argument("--split", metavar="SHARES",
+                        help="subsets without a common seabed: train=0.8,val=0.1,test=0.1; default: those of the plan, "
+                        "if it has a split")
     labels.add_argument("--split-seed", type=whole, default=0, metavar="N", help="random seed of the split; default: 0")
     labels.add_argument("--split-by", metavar="PARAMETER", help="parameter of the scene to split by, not the seabed")
     labels.set_defaults(run=_labels)
@@ -53,7 +61,9 @@ def add(commands: Commands) -> None:
     add_file(shards, "folders", nargs="+", metavar="SWEEP", help="folders of sweeps whose output ends in .tar")
     add_file(shards, "-o", "--output", required=True, metavar="FOLDER", help="folder of the set")
     shards.add_argument("--size", type=whole, default=500, metavar="MB", help="size of a shard; default: 500")
-    shards.add_argument("--split", metavar="SHARES", help="subsets without a common seabed: train=0.8,val=0.1,test=0.1")
+    shards.add_argument("--split", metavar="SHARES",
+                        help="subsets without a common seabed: train=0.8,val=0.1,test=0.1; default: those of the plan, "
+                        "if it has a split")
     shards.add_argument("--split-by", metavar="PARAMETER", help="parameter of the scene to split by, not the seabed")
     shards.add_argument("--seed", type=whole, default=0, metavar="N",
                         help="random seed of the split and of the order of samples; default: 0")
@@ -74,7 +84,8 @@ def _labels(arguments):
         output = f"{os.path.splitext(os.path.normpath(arguments.images[0]))[0]}_labels"
     rules = Labels(
         coco=arguments.coco, yolo=arguments.yolo, masks=arguments.masks, threshold=arguments.threshold,
-        classes=None if arguments.classes is None else [name.strip() for name in arguments.classes.split(",")],
+        classes=None if arguments.classes is None else _names(arguments.classes),
+        negatives=_names(arguments.negatives) if arguments.negatives else (), negative_class=arguments.negative_class,
         above_noise_db=arguments.above_noise, smallest=arguments.smallest,
         min_visible=arguments.min_visible, whole=arguments.whole, tile=arguments.tile,
         overlap=arguments.overlap, drop_empty=arguments.drop_empty,
@@ -91,8 +102,12 @@ def _labels(arguments):
 
 
 def _shards(arguments):
+    from mitsonar.dataset.balance import balances
+    from mitsonar.dataset.card import meshes_in
     from mitsonar.dataset.shards import write_shards
     from mitsonar.dataset.split import read_shares
+    from mitsonar.io.scene_files.mesh_lists import NAME, NOT_STATED
+    from mitsonar.sweep.balance import tally_said
 
     if arguments.split is None and arguments.split_by is not None:
         raise ValueError("a parameter to split by is given, but no split; give its shares or leave it out.")
@@ -104,7 +119,20 @@ def _shards(arguments):
                               by=arguments.split_by, about=about, progress=progress)
     samples = sum(len(shard.samples) for shard in shards)
     print(f"{samples} records in {len(shards)} shard{'s' * (len(shards) != 1)}", file=sys.stderr)
+    for sweep in balances(shards):
+        print(f"{sweep.folder}: {tally_said(sweep.tally)}", file=sys.stderr)
+        for verdict in sweep.verdicts:
+            if not verdict.met:
+                warn(f"{sweep.folder}: {verdict.words}")
+    pictures = [picture for shard in shards for sample in shard.samples for picture in sample.pictures]
+    if bare := sorted({mesh[0] for mesh in meshes_in(pictures) if mesh[2] == NOT_STATED}):
+        warn(f"no licence is stated of {len(bare)} mesh{'es' * (len(bare) != 1)}: {', '.join(bare[:MOST_NAMES])}"
+             + ", ..." * (len(bare) > MOST_NAMES) + f"; state it in {NAME} beside them and run the sweep again")
     announce(arguments.output)
+
+
+def _names(text):
+    return [name.strip() for name in text.split(",")]
 
 
 def _size(text):

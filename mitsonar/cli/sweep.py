@@ -75,6 +75,7 @@ def _sweep(arguments):
         warn(f"{output} failed: {error}")
     if outcome.failed > SHOWN:
         warn(f"and {outcome.failed - SHOWN} more; see the lines of the manifest with \"failed\"")
+    _print_balance(plan, outcome.labelled, outcome.kept + outcome.done)
     announce(outcome.manifest)
     return 1 if outcome.failed else 0
 
@@ -112,8 +113,21 @@ def _merge(plan, arguments):
     if len(merged.instruction_sets) > 1:
         warn(f"the parts were made on machines of several instruction sets ({', '.join(merged.instruction_sets)}); on "
              "one of them some bytes would differ, levels by rounding only")
+    _print_balance(plan, merged.labelled, merged.joined)
     announce(os.path.join(merged.folder, "manifest.jsonl"))
     return 0 if merged.joined == merged.total else 1
+
+
+def _print_balance(plan, tally, made):
+    """Print the numbers of labelled pictures, and warn of wishes of the plan that are not met."""
+    from mitsonar.sweep.balance import missed_said, tally_said, verdicts
+
+    if tally is None or not tally.pictures:
+        return
+    announce(tally_said(tally))
+    for verdict in verdicts(plan.balance or {}, tally, made / len(plan)):
+        if not verdict.met:
+            warn(missed_said(verdict, made, len(plan)))
 
 
 def _only(plan, arguments):
@@ -176,9 +190,14 @@ def _print_estimate(plan, part, arguments):
         announce(f"time: about {length}, {each} s each ({how}), by "
                  f"{_count(cost.processes, 'process')} of {cost.threads} threads"
                  + (f", of which the cores run {cost.at_once} at once" if cost.at_once < cost.processes else ""))
+        for scene in cost.scenes if len(cost.scenes) > 1 else ():
+            hours, _, price = costs(scene, cost.threads, rates, MANY)
+            announce(f"  {scene.name}: {_count(scene.missing, 'render')}, {scene.seconds:.2g} s and "
+                     f"{size_said(scene.bytes)} each; per {MANY:,} renders {hours:.3g} core hours"
+                     + f", {price}" * bool(price))
         announce(f"disk: about {size_said(cost.bytes * cost.missing)}, and {size_said(cost.free)} are free")
         for count, said in ((cost.missing, "in all"), (MANY, f"per {MANY:,} renders")):
-            hours, size, price = costs(cost, rates, count)
+            hours, size, price = costs(cost, cost.threads, rates, count)
             announce(f"{said}: {hours:.3g} core hours and {size_said(size)}" + f", {price}" * bool(price))
     return 0
 

@@ -6,8 +6,9 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
@@ -15,7 +16,11 @@ from urllib.parse import quote
 import numpy as np
 
 from mitsonar.device.files import replacing
+from mitsonar.io.scene_files import scenes
+from mitsonar.sweep.balance import tally_said
 from mitsonar.sweep.manifest import sha256
+
+from .balance import balances
 
 if TYPE_CHECKING:
     from .shards import Shard
@@ -24,15 +29,20 @@ WORDS = ("title", "licence", "authors", "homepage")
 UNTOLD = {"title": "Simulated sonar images", "licence": "unknown", "authors": "unknown", "homepage": ""}
 SPLITS = {"val": "validation"}     # names of subsets at Hugging Face, where they differ
 SIZES = ((1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K"), (1_000_000, "100K<n<1M"))
+MESH = ("mesh", "class", "licence", "author", "source", "sha256")
 LIMITS = ("Every picture is computed, none is recorded. What a sonar hears follows from the scene: sea floors, objects "
           "and water are models of their kind. Test detectors that learned from them alone on recordings.")
-CONTEXT = {"@language": "en", "@vocab": "https://schema.org/", "cr": "http://mlcommons.org/croissant/",
-           "sc": "https://schema.org/", "dct": "http://purl.org/dc/terms/", "citeAs": "cr:citeAs",
-           "conformsTo": "dct:conformsTo", "column": "cr:column", "data": {"@id": "cr:data", "@type": "@json"},
-           "dataType": {"@id": "cr:dataType", "@type": "@vocab"}, "extract": "cr:extract", "field": "cr:field",
-           "fileObject": "cr:fileObject", "fileSet": "cr:fileSet", "includes": "cr:includes",
-           "key": "cr:key", "md5": "cr:md5", "recordSet": "cr:recordSet", "references": "cr:references",
-           "source": "cr:source", "subField": "cr:subField", "transform": "cr:transform"}
+# names of Croissant 1.0; a reader compares the list with its own
+CONTEXT = {"@language": "en", "@vocab": "https://schema.org/", "sc": "https://schema.org/",
+           "cr": "http://mlcommons.org/croissant/", "rai": "http://mlcommons.org/croissant/RAI/",
+           "dct": "http://purl.org/dc/terms/", "conformsTo": "dct:conformsTo",
+           "data": {"@id": "cr:data", "@type": "@json"}, "dataType": {"@id": "cr:dataType", "@type": "@vocab"},
+           "examples": {"@id": "cr:examples", "@type": "@json"},
+           **{name: f"cr:{name}" for name in (
+               "citeAs", "column", "equivalentProperty", "extract", "field", "fileObject", "fileProperty", "fileSet",
+               "format", "includes", "isLiveDataset", "jsonPath", "key", "md5", "parentField", "path", "recordSet",
+               "references", "regex", "repeated", "replace", "samplingRate", "separator", "source", "subField",
+               "transform")}}
 
 
 def check_words(about: Mapping[str, Any]) -> None:
@@ -80,11 +90,23 @@ def _readme(shards, pictures, told):
         "| subset | pictures | with objects | " + " | ".join(map(_cell, names)) + " |",
         "|---" * (3 + len(names)) + "|", *rows, "",
         "Objects are counted once in every picture. Subsets share no seabed, unless they were split by a parameter.",
-        "", "## What was drawn", "", *_drawn(samples), "", "## Physics", "", *_physics(pictures), "", "## Limits", "",
+        "", "## Class balance", "", *_balanced(shards), "", "## What was drawn", "", *_drawn(samples),
+        "", "## Meshes", "", *_meshes(pictures), "", "## Physics", "", *_physics(pictures), "", "## Limits", "",
         LIMITS, "", "## How to make it again", "",
         "Every record follows from its scene, parameters, seed and versions, which stand in its JSON and in "
         "`index.parquet`: on the same instruction set by the same bytes, on others with the same levels but for "
-        "rounding.", "", *_made(samples)])
+        "rounding. The first one is made again by", "", *_again(samples[0]), "", *_made(samples)])
+
+
+def _balanced(shards):
+    """Return what the plans asked for and what there is, and a line about negatives."""
+    sweeps = balances(shards)
+    rows = [f"| {_cell(verdict.what)} | {f'{verdict.asked:.1%}' if verdict.asked < 1 else f'{verdict.asked:,.0f}'} | "
+            f"{verdict.got:,} of {verdict.total:,} | {'yes' if verdict.met else 'no'} |"
+            for sweep in sweeps for verdict in sweep.verdicts]
+    told = [f"- {_cell(sweep.folder.name)}: {_cell(tally_said(sweep.tally))}" for sweep in sweeps]
+    return [*(["| asked for | at least | there are | met |", "|---|---|---|---|", *rows] if rows else
+              ["The plans asked for no numbers of objects."]), "", *told]
 
 
 def _licence(text):
@@ -115,6 +137,21 @@ def _drawn(samples):
     return rows if len(rows) > 2 else ["Nothing but the seed."]
 
 
+def meshes_in(pictures: Iterable[Mapping[str, Any]]) -> Counter[tuple[str, ...]]:
+    """Return the number of pictures of every mesh: name, class, licence, author, source, SHA-256."""
+    return Counter(key for picture in pictures for key in {tuple(mesh[name] for name in MESH)
+                                                           for mesh in picture.get("meshes") or ()})
+
+
+def _meshes(pictures):
+    """Return a table of the meshes, with their licences."""
+    known = meshes_in(picture for _, _, picture in pictures)
+    if not known:
+        return ["No scene of these pictures has a mesh from a file."]
+    return ["| mesh | class | licence | author | source | pictures |", "|---|---|---|---|---|---|",
+            *(f"| {' | '.join(map(_cell, mesh[:5]))} | {count:,} |" for mesh, count in sorted(known.items()))]
+
+
 def _physics(pictures):
     kinds = Counter((picture.get("sonar"), picture.get("frequency"), picture.get("file")) for _, _, picture in pictures)
     return [f"- {count:,} pictures of a {str(sonar).replace('_', ' ')}"
@@ -122,6 +159,15 @@ def _physics(pictures):
             for (sonar, frequency, scene), count in kinds.most_common()] + [
         "- rays through refracting water, the sonar equation with measured scattering laws, speckle, noise, and the "
         "receiver's own flaws, as the scene states them"]
+
+
+def _again(sample):
+    """Return the command that renders a sample's record again."""
+    words = ["python3", "-m", "mitsonar", "render", str(sample.pictures[0].get("file"))]
+    for name, value in sample.record["parameters"].items():
+        words += ["-D", f"{name}={scenes.text(name, value)}"]
+    command = shlex.join([*words, "--seed", str(sample.record["seed"]), "-o", "record.exr"])
+    return ["```bash", " ".join(command.split()), "```"]
 
 
 def _made(samples):
@@ -148,6 +194,10 @@ def _croissant(shards, folder, pictures, told):
             "name": told["title"], "description": f"{len(pictures):,} labelled pictures of a simulated sonar. {LIMITS}",
             "license": told["licence"], "url": told["homepage"] or "about:blank", "version": "1.0.0",
             "creator": {"@type": "sc:Organization", "name": told["authors"]},
+            "isBasedOn": [{"@type": "sc:CreativeWork", "name": f"mesh {mesh}", "license": licence, "sha256": digest,
+                           "creator": {"@type": "sc:Organization", "name": author}, "description": f"Source: {source}"}
+                          for mesh, _, licence, author, source, digest in sorted(
+                              meshes_in(picture for _, _, picture in pictures))],
             "distribution": [{"@type": "cr:FileObject", "@id": name, "name": name, "contentUrl": name,
                               "encodingFormat": kind, "sha256": sha256(folder / name)} for name, kind in files],
             "recordSet": [{"@type": "cr:RecordSet", "@id": "pictures", "name": "pictures",

@@ -13,7 +13,7 @@ from mitsonar.labels.frames import FORMS, Form, LabelFrame, frames
 
 from .labels.writing import groups_of
 from .sources import Source, class_order, find_sources, frames_of
-from .split import deal, read_shares
+from .split import deal, planned, read_shares, shares_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -134,13 +134,15 @@ class Images:
         names = dict.fromkeys(name for source in self.sources for name in source.parameters)
         return {name: _column([source.parameters.get(name) for source in self.sources]) for name in names}
 
-    def split(self, shares: Mapping[str, float] | str, seed: int = 0, by: str | None = None) -> "dict[str, Images]":
+    def split(self, shares: Mapping[str, float] | str | None = None, seed: int = 0,
+              by: str | None = None) -> "dict[str, Images]":
         """Split into subsets that share no seabed.
 
         Parameters
         ----------
-        shares : dict of str, float, or str
-            Shares of the subsets, such as {"train": 0.8, "val": 0.2} or "train=0.8,val=0.2".
+        shares : dict of str, float, str or None
+            Shares of the subsets, such as {"train": 0.8, "val": 0.2} or "train=0.8,val=0.2". None: the subsets of the
+            sweeps' plans.
         seed : int
             Seed of the order in which groups are assigned.
         by : str or None
@@ -153,14 +155,23 @@ class Images:
         Raises
         ------
         ValueError
-            If there are fewer seabeds than subsets, or an image has no hash of its seabed.
+            If there are fewer seabeds than subsets, an image has no hash of its seabed, or a plan has no split.
         """
+        if shares is None:
+            homes = planned([source.planned_split for source in self.sources],
+                            [source.seabed for source in self.sources])
+            if not homes:
+                raise ValueError("the plan of these images has no [split]; give shares, such as train=0.8,val=0.2.")
+            return self._subsets(homes, shares_of(homes))
         if not isinstance(shares, str):
             shares = ",".join(f"{name}={share!r}" for name, share in shares.items())
         shares = read_shares(shares)
         homes = deal(groups_of(self.sources, by), shares, seed, by or "seabed")
+        return self._subsets(homes, shares)
+
+    def _subsets(self, homes, names):
         return {name: self._subset([source for source, home in zip(self.sources, homes, strict=True) if home == name])
-                for name in shares}
+                for name in names}
 
     def stack(self, names: str | Sequence[str] = ("level",)) -> dict[str, np.ndarray]:
         """Read variables of all images into arrays.

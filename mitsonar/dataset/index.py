@@ -15,8 +15,9 @@ if TYPE_CHECKING:
 def write_index(shards: Sequence[Shard], path: Path) -> None:
     """Write the index of shards.
 
-    Columns: ``key``, ``shard``, ``subset``, ``width``, ``height``, ``seed``, ``seabed``, ``parameter_NAME``,
-    ``count_CATEGORY``, ``seconds`` and ``sample_sha256`` of the whole record, ``instruction_set``.
+    Columns: ``key``, ``shard``, ``subset``, ``width``, ``height``, ``seed``, ``seabed``, ``scene`` (of a plan of
+    several), ``parameter_NAME``, ``count_CATEGORY``, ``negative_CLASS``, ``meshes``, ``seconds`` and
+    ``sample_sha256`` of the whole record, ``instruction_set``.
     """
     try:
         import pyarrow as pa
@@ -25,8 +26,11 @@ def write_index(shards: Sequence[Shard], path: Path) -> None:
         raise MissingExtra("PyArrow, which writes the index of a set, is not installed", "shards") from None
     rows = [{"key": picture["key"], "shard": shard.name, "subset": shard.subset, "width": picture["width"],
              "height": picture["height"], "seed": sample.record["seed"], "seabed": picture.get("seabed"),
+             **({"scene": sample.record["scene"]} if "scene" in sample.record else {}),
              **{f"parameter_{name}": value for name, value in sample.record["parameters"].items()},
              **{f"count_{name}": count for name, count in picture["counts"].items()},
+             **{f"negative_{name}": count for name, count in (picture.get("negatives") or {}).items()},
+             "meshes": ", ".join(dict.fromkeys(mesh["mesh"] for mesh in picture.get("meshes") or ())),
              "seconds": sample.record["seconds"], "sample_sha256": sample.record["sha256"],
              "instruction_set": sample.record.get("instruction_set")}
             for shard in shards for sample in shard.samples for picture in sample.pictures]

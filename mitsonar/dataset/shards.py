@@ -22,13 +22,14 @@ from mitsonar.sweep.parts import manifests
 
 from .card import check_words, write_card
 from .index import write_index
-from .split import deal
+from .split import deal, planned
 
 SUFFIX, LAYOUT = ".tar", ".shards"
 SMALLEST = 1_000_000               # bytes of a shard
 BLOCK, RECORD = 512, 10_240        # bytes, of tars
 LARGEST_JSON = 64_000_000          # bytes; those of mitsonar are far shorter
-KEPT = ("width", "height", "seabed", "counts", "sonar", "frequency", "file")       # of a picture's JSON
+KEPT = ("width", "height", "seabed", "counts", "negatives", "negative_class", "meshes", "sonar", "frequency",
+        "file")                    # of a picture's JSON
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,6 +37,7 @@ class SampleFile:
     """Finished sample of a sweep."""
 
     path: Path
+    folder: Path  # of its sweep
     record: dict[str, Any]  # its line of the manifest
     pictures: tuple[dict[str, Any], ...]  # `KEPT` of every picture's JSON, with its ``key``
     size: int  # bytes in a shard
@@ -75,7 +77,8 @@ def write_shards(folders: Sequence[FilePath], folder: FilePath, *, size: int = 5
     size : int [bytes]
         Size at which a shard ends; samples are never parted.
     shares : dict of str, float, or None
-        Shares of the subsets, from `read_shares`; None: all samples are for training.
+        Shares of the subsets, from `read_shares`; None: the subsets of the plans, and without these all samples are for
+        training.
     seed : int
         Seed of the split and of the order of samples.
     by : str or None
@@ -103,7 +106,8 @@ def write_shards(folders: Sequence[FilePath], folder: FilePath, *, size: int = 5
     if not samples:
         raise ValueError(f"the samples of {', '.join(map(str, folders))} hold no pictures; give sweeps with others.")
     _check_keys(samples)
-    subsets = ["train"] * len(samples)
+    subsets = planned([sample.record.get("split") for sample in samples] if not shares else [],
+                      [sample.pictures[0].get("seabed") for sample in samples]) or ["train"] * len(samples)
     if shares:
         subsets = deal([_group(sample, by) for sample in samples], shares, seed, by or "seabed")
     shards = list(_shards(samples, subsets, size, seed))
@@ -153,7 +157,7 @@ def _sample(path, line):
                     pictures.append({"key": member.name.removesuffix(".json"), **_about(tar, member)})
     except (tarfile.TarError, ValueError, OSError) as error:
         raise ValueError(f"cannot read the sample {path}: {error}") from None
-    return SampleFile(path=path, record=record, pictures=tuple(pictures), size=size)
+    return SampleFile(path=path, folder=Path(line.folder), record=record, pictures=tuple(pictures), size=size)
 
 
 def _about(tar, member):
@@ -165,12 +169,21 @@ def _about(tar, member):
         given = json.loads(tar.extractfile(member).read())
         kept = {name: given.get(name) for name in KEPT}
         json.dumps(kept, ensure_ascii=False).encode()  # raises `ValueError` for what is no text
-        numbers = (kept["width"], kept["height"], *kept["counts"].values())
+        numbers = (kept["width"], kept["height"], *kept["counts"].values(), *(kept["negatives"] or {}).values())
     except (ValueError, AttributeError, RecursionError):
         raise wrong from None
+    if not isinstance(kept["negative_class"], str | None) or not _are_meshes(kept["meshes"]):
+        raise wrong
     if not all(isinstance(number, int) and 0 <= number < 1 << 32 for number in numbers):
         raise wrong
     return kept
+
+
+def _are_meshes(given):
+    """Return True for entries of `sweep.meshes`, or None."""
+    return given is None or isinstance(given, list) and all(
+        isinstance(entry, dict) and set(entry) == {"mesh", "class", "licence", "author", "source", "sha256"}
+        and all(isinstance(text, str) for text in entry.values()) for entry in given)
 
 
 def _check_keys(samples):

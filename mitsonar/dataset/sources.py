@@ -4,7 +4,7 @@ Failed renders of a sweep are left out; `mitsonar.sweep.manifest` describes dama
 """
 import os
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -33,6 +33,7 @@ class Source:
     object_classes: tuple[str, ...]  # of objects, sorted
     frame: int | None = None  # number of the record's frame, from 0
     planned_classes: tuple[str, ...] | None = None  # of objects, in the order of the sweep's plan
+    planned_split: str | None = None  # subset by the sweep's plan
 
     def read(self) -> SonarImage:
         """Read the record."""
@@ -74,8 +75,8 @@ def find_sources(places: FilePath | Iterable[FilePath]) -> list[Source]:
     images = []
     for place in map(Path, places):
         if place.is_dir():
-            images += [(path, "_".join(path.relative_to(place).with_suffix("").parts), place.resolve().name, classes)
-                       for path, classes in _finished(place)]
+            images += [(path, "_".join(path.relative_to(place).with_suffix("").parts), place.resolve().name, entry)
+                       for path, entry in _finished(place)]
         else:
             images.append((place, place.stem, place.resolve().parent.name, None))
     if not images:
@@ -84,12 +85,12 @@ def find_sources(places: FilePath | Iterable[FilePath]) -> list[Source]:
     if twice:
         raise ValueError(f"the image {twice[0]} is given twice; leave one out.")
     names = _apart([name for _, name, *_ in images], [folder for _, _, folder, _ in images])
-    return [_source(path, name, classes) for (path, *_, classes), name in zip(images, names, strict=True)]
+    return [_source(path, name, entry) for (path, *_, entry), name in zip(images, names, strict=True)]
 
 
-def class_order(sources: Sequence[Source]) -> list[str]:
+def class_order(sources: Sequence[Source], negatives: Collection[str] = ()) -> list[str]:
     """Return the classes of objects in the order of their numbers: that of the plans, else alphabetical."""
-    present = sorted({name for source in sources for name in source.object_classes})
+    present = sorted({name for source in sources for name in source.object_classes} - {*negatives})
     orders = {source.planned_classes for source in sources}
     if orders <= {None}:
         return present
@@ -117,7 +118,7 @@ def frames_of(sources: Iterable[Source]) -> list[Source]:
     return frames
 
 
-def _source(path, name, classes):
+def _source(path, name, entry):
     if is_netcdf(path):
         with netcdf.opened(path) as record:
             attributes = dict(_image(record, path).attrs)
@@ -126,7 +127,8 @@ def _source(path, name, classes):
     objects = (attributes.get("objects") or {}).values()
     return Source(path=path, name=name, parameters=attributes.get("parameters") or {}, seed=attributes.get("seed"),
                   seabed=attributes.get("seabed"), classes=tuple(sorted((attributes.get("classes") or {}).values())),
-                  object_classes=tuple(sorted({entry["class"] for entry in objects})), planned_classes=classes)
+                  object_classes=tuple(sorted({entry["class"] for entry in objects})),
+                  planned_classes=entry and entry.classes, planned_split=entry and entry.split)
 
 
 def _image(record, path):
@@ -137,12 +139,12 @@ def _image(record, path):
 
 
 def _finished(folder):
-    """Return the finished files of a sweep, each with the order of classes of its plan."""
+    """Return the finished files of a sweep, each with its entry of the manifest."""
     listed = manifests(os.fspath(folder))
     if not listed:
         raise ValueError(f"the folder {folder} holds no {MANIFEST}, so it is no sweep of mitsonar; give files by name.")
     entries, path = read_all(folder)[0], folder / listed[-1]
-    done = [(folder / output, entry.classes) for output, entry in sorted(entries.items()) if entry.status == "ok"]
+    done = [(folder / output, entry) for output, entry in sorted(entries.items()) if entry.status == "ok"]
     paths = [path for path, _ in done]
     outside = [path for path in paths if not path.resolve().is_relative_to(folder.resolve())]
     if outside:

@@ -1,14 +1,16 @@
 """Subsets for training, validation and test that share no seabed.
 
 Images of one seabed are nearly copies of each other, so groups are assigned rather than images: in an order hashed from
-seed and group, each group goes to the subset that lacks most images.
+seed and group, each group goes to the subset that lacks most images. A sweep's plan may have assigned them before
+(`mitsonar.sweep.drawing.splits`); then its subsets are taken.
 """
 import hashlib
 import math
+import warnings
 from collections import Counter
 from collections.abc import Mapping, Sequence
 
-SUBSETS = ("train", "val", "test")
+from mitsonar.sweep.manifest import SUBSETS
 
 
 def read_shares(text: str) -> dict[str, float]:
@@ -85,3 +87,47 @@ def deal(groups: Sequence[str], shares: Mapping[str, float], seed: int = 0, noun
         lacking[home[group]] -= sizes[group]
         empty.discard(home[group])
     return [home[group] for group in groups]
+
+
+def planned(subsets: Sequence[str | None], seabeds: Sequence[str | None]) -> list[str]:
+    """Return the subsets that plans gave to images; none if they gave none.
+
+    Parameters
+    ----------
+    subsets : list of str or None
+        Subset of every image by its plan.
+    seabeds : list of str or None
+        Hash of the seabed of every image.
+
+    Returns
+    -------
+    list of str
+        Subset of every image, or an empty list.
+
+    Raises
+    ------
+    ValueError
+        If only some images have a subset.
+
+    Warns
+    -----
+    UserWarning
+        If a seabed is in two subsets, since the plan's group does not name what makes it.
+    """
+    given = [subset for subset in subsets if subset is not None]
+    if given and len(given) < len(subsets):
+        raise ValueError(f"{len(given)} of {len(subsets)} images have a subset from the split of their plan, and the "
+                         "others have none; give shares of a split, or only images of such plans.")
+    homes: dict[str, str] = {}
+    shared = {seabed for seabed, subset in zip(seabeds, given) if seabed and homes.setdefault(seabed, subset) != subset}
+    if shared:
+        are = "seabeds are" if len(shared) > 1 else "seabed is"
+        warnings.warn(f"{len(shared)} {are} in several subsets of the plan; let group in its [split] name the "
+                      "parameters that make a seabed", stacklevel=3)
+    return given
+
+
+def shares_of(subsets: Sequence[str]) -> dict[str, float]:
+    """Return the shares that subsets have."""
+    counts = Counter(subsets)
+    return {name: counts[name] / len(subsets) for name in SUBSETS if counts[name]}

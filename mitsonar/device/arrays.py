@@ -6,8 +6,11 @@ their type, because what Dr.Jit converts has any alignment. `held` maps NaN into
 `minimum` and `maximum` keep NaN, and a gather at `UInt32(NaN)` = 4294967295 reads outside the table or ends the
 process.
 """
+import ctypes
+import functools
 import importlib
 from collections.abc import Callable, Iterable
+from dataclasses import fields, is_dataclass, replace
 from typing import Any, TypeVar, cast
 
 import drjit as dr
@@ -55,6 +58,19 @@ def picked(value: Kept, index: UInt32) -> Kept:
     return dr.gather(type(value), value, index if dr.width(value) > 1 else dr.zeros(type(index), dr.width(index)))
 
 
+def entries(value: Kept, index: UInt32) -> Kept:
+    """Return the entries with these numbers of all arrays in a record, list or tuple."""
+    part: Any = value
+    picks: Any = part
+    if isinstance(part, (list, tuple)):
+        picks = type(part)(entries(item, index) for item in part)
+    elif dr.is_array_v(part):
+        picks = picked(part, index)
+    elif is_dataclass(value):
+        picks = replace(part, **{field.name: entries(getattr(part, field.name), index) for field in fields(part)})
+    return picks
+
+
 def reinterpreted(kind: type[Kept], array: DrJitArray) -> Kept:
     """Return the same bits as another type (`drjit.reinterpret_array`)."""
     return cast(Any, dr.reinterpret_array)(kind, array)
@@ -68,6 +84,22 @@ def upload(kind: type[Kept], values: np.ndarray) -> Kept:
     place = raw[start:start + values.nbytes].view(values.dtype)
     place[:] = values
     return cast(Any, kind)(place)
+
+
+def give_back_memory() -> None:
+    """Return memory that Dr.Jit and the C library keep for later arrays to the system."""
+    dr.flush_malloc_cache()
+    if (trim := _trim()) is not None:
+        trim(0)
+
+
+@functools.cache
+def _trim() -> Callable[[int], int] | None:
+    """Return glibc's `malloc_trim`; None with another C library."""
+    try:
+        return ctypes.CDLL(None).malloc_trim
+    except (AttributeError, OSError, TypeError):
+        return None
 
 
 def where_any(mask: Bool, work: Callable[[Bool], None]) -> None:

@@ -31,6 +31,7 @@ from mitsonar.scene.tracing.water import DeviceWater
 
 from .body_motion import BodyMotion
 from .bounces.surface_ghosts import ArrayGhosts
+from .bounces.volume import UnderBed
 from .point_targets import PointTargets
 from .record import Echoes, EchoLeg
 from .scatterers.element_beams import ElementBeams
@@ -161,10 +162,12 @@ class Ensonification:
         yield from self.ghosts.of_cells(sources, start, way, cells, cells.area)
 
     def random_echoes(self, origin: np.ndarray, rotation: np.ndarray, depth_below: float, key: int,
-                      in_water: Callable[[], tuple[mi.Vector3f, mi.Float, Strata]] | None = None) -> Iterator[Echoes]:
+                      in_water: Callable[[], tuple[mi.Vector3f, mi.Float, Strata]] | None = None,
+                      under_bed: UnderBed | None = None) -> Iterator[Echoes]:
         """Yield the echoes of several bounces and of the water, which are random and differ from source to source.
 
-        `in_water` draws directions to points of the water. The default draws from the beams of the elements.
+        `in_water` draws directions to points of the water. The default draws from the beams of the elements. Points
+        that are `under_bed` cannot be seen.
         """
         sources, start = self._source(origin)
         if self.ghosts.bounces is not None:
@@ -172,7 +175,7 @@ class Ensonification:
             yield from self.ghosts.of_rays(sources, start, *rays, key)
         if self.ghosts.water is not None:
             rays = self.drawn_rays.draw(start, rotation, None, key) if in_water is None else in_water()
-            yield from self.ghosts.of_water(sources, start, *rays, key)
+            yield from self.ghosts.of_water(sources, start, *rays, key, under_bed)
 
     def _source(self, origin):
         return (self.tracer.sources([-origin[2]]),

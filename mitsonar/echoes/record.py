@@ -9,30 +9,14 @@ e -> ``amplitude``: the echo's pressure 1 m from a source of pressure 1 at 1 m, 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, fields, is_dataclass, replace
-from typing import Any, TypeVar
+from dataclasses import dataclass, replace
 
 import drjit as dr
 
-from mitsonar.device.arrays import compressed, picked
+from mitsonar.device.arrays import compressed, entries
 from mitsonar.device.types import Bool, Float, Float64, UInt32, Vector, Vector64
 from mitsonar.scene.tracing.connection import Connection
 from mitsonar.scene.tracing.hits import Hits
-
-Kept = TypeVar("Kept")             # the type of the argument is that of the result
-
-
-def entries(value: Kept, index: UInt32) -> Kept:
-    """Return the entries with these numbers of all arrays in a record, list or tuple."""
-    part: Any = value
-    picks: Any = part
-    if isinstance(part, (list, tuple)):
-        picks = type(part)(entries(item, index) for item in part)
-    elif dr.is_array_v(part):
-        picks = picked(part, index)
-    elif is_dataclass(value):
-        picks = replace(part, **{field.name: entries(getattr(part, field.name), index) for field in fields(part)})
-    return picks
 
 
 @dataclass(frozen=True, kw_only=True)

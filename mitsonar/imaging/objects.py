@@ -126,9 +126,11 @@ def _floor(share, labels, level, hidden, faintest_db):
     if hidden is None or level is None:
         return floor
     bed = share.sum(0) - sum(share[label - 1] for label in labels) > 0.5
-    of_bed = np.full(share.shape[-1], -np.inf, np.float32)
-    for bin in np.flatnonzero(bed.any(tuple(range(bed.ndim - 1)))):
-        of_bed[bin] = np.median(level[..., bin][bed[..., bin]]) - FAINT_DB
+    # medians over the bed of every bin; all other values sort behind
+    rising = np.sort(np.where(bed, level, np.inf).reshape(-1, bed.shape[-1]), axis=0)
+    count = bed.reshape(rising.shape).sum(0)
+    middle = [np.take_along_axis(rising, index[None], 0)[0] for index in (np.maximum(count - 1, 0) // 2, count // 2)]
+    of_bed = np.where(count > 0, (middle[0] + middle[1]) / 2 - FAINT_DB, -np.inf).astype(np.float32)
     return np.where(hidden > 0.5, np.maximum(floor, of_bed), floor)
 
 

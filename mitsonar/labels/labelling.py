@@ -3,7 +3,7 @@
     record -> frames -> grey values, annotations -> tiles
 """
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -34,8 +34,14 @@ class LabelledTile:
     picture: np.ndarray  # (rows, columns) uint8
     shadow: np.ndarray  # (rows, columns) bool: in shadow of the bed
     pieces: tuple[Annotation, ...]
+    negatives: dict[str, int]  # highlights of negatives by their own class; `pieces` has them as the class of negatives
     invisible: int  # pieces of the whole frame that are left out, in its first tile, else 0
     description: dict[str, Any]  # place in the record, gain and grey values
+
+    @property
+    def empty(self) -> bool:
+        """Return True without annotations and negatives."""
+        return not self.pieces and not any(self.negatives.values())
 
     def masks(self, numbers: dict[str, int], name: str) -> dict[str, np.ndarray]:
         """Return the masks (rows, columns) uint16 of `MASKS`, with the numbers of categories; `name` is for errors."""
@@ -77,14 +83,24 @@ def _tiles(record, pictures, rules):
         for tile in tiles(frame, rules.tile, rules.overlap):
             inside = [piece for piece in (clipped(whole, tile, rules.smallest) for whole in seen)
                       if piece and piece.shown >= rules.min_visible]
+            inside, negatives = _without_negatives(inside, rules)
             part = np.s_[tile.row:tile.row + tile.height, tile.column:tile.column + tile.width]
             yield LabelledTile(
                 ending="_".join([*[frame.name] * bool(frame.name),
                                  *[f"{tile.row}_{tile.column}"] * (rules.tile is not None)]),
                 frame=frame, number=number, picture=picture[part], shadow=shadow[part], pieces=tuple(inside),
-                invisible=left, description={"ping": frame.ping, "row": tile.row, "column": tile.column, **about,
-                                             **frame.metres(tile.row, tile.column)})
+                negatives=negatives, invisible=left,
+                description={"ping": frame.ping, "row": tile.row, "column": tile.column, **about,
+                             **frame.metres(tile.row, tile.column)})
             left = 0
+
+
+def _without_negatives(pieces, rules):
+    """Return pieces with negatives left out or as their common class, and the highlights of negatives by class."""
+    counts = {name: sum(piece.kind == HIGHLIGHT and piece.class_name == name for piece in pieces)
+              for name in rules.negatives}
+    return [replace(piece, class_name=rules.negative_class) if piece.class_name in counts else piece
+            for piece in pieces if piece.class_name not in counts or rules.negative_class is not None], counts
 
 
 def _dark(record):

@@ -5,6 +5,7 @@
 The window low to high is chosen from bins that show the bed: by the mean level if known, else from the first return on,
 and in a focused image outside shadows. The levels of a focused image are strengths, to which no gain is added.
 """
+import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from io import BytesIO
@@ -90,7 +91,8 @@ def write_png(image: np.ndarray, path: FilePath | BytesIO) -> None:
     """Write a picture (H, W) of uint8 or uint16 as PNG."""
     from PIL import Image
 
-    Image.fromarray(np.ascontiguousarray(image)).save(path, format="PNG")
+    # run lengths suit both: speckle has no other repetition, masks have little else
+    Image.fromarray(np.ascontiguousarray(image)).save(path, format="PNG", compress_type=zlib.Z_RLE)
 
 
 def _scaled(level, window):

@@ -4,37 +4,44 @@ Formats for training allow only polygons without holes. A piece with holes is th
 with one ring for all pieces, `joined` connects the rings by double lines without area.
 """
 from collections.abc import Sequence
-from typing import cast
 
 import numpy as np
 
 
 def polygons(mask: np.ndarray) -> list[np.ndarray]:
     """Return a mask (H, W) as polygons that have no holes and do not overlap."""
-    from rasterio.features import rasterize, shapes
+    from rasterio.features import shapes
     from scipy import ndimage
 
     mask = np.asarray(mask, bool)
-    pieces, _ = cast("tuple[np.ndarray, int]", ndimage.label(mask))
-    rings = []
-    waiting = [(mask[where] & (pieces[where] == number + 1), where[1].start, where[0].start)
-               for number, where in enumerate(ndimage.find_objects(pieces))]
+    numbers, count = np.zeros(mask.shape, np.int32), 0                 # of pieces without holes
+    waiting = [(mask, numbers)]
     while waiting:
-        piece, x, y = waiting.pop()
-        for outline, _ in shapes(piece.astype(np.uint8), mask=piece):
-            exterior, *holes = (np.array(ring[:-1], int) for ring in outline["coordinates"])
-            if not holes:
-                rings.append(exterior + [x, y])
-                continue
-            left, top = exterior.min(0)
-            closed = [[tuple(corner) for corner in (np.r_[ring, ring[:1]] - [left, top]).tolist()]
-                      for ring in (exterior, *holes)]
-            filled = np.asarray(rasterize([{"type": "Polygon", "coordinates": closed}],
-                                          out_shape=(exterior.max(0) - [left, top])[::-1]), bool)
-            middle = sorted((ring[:, 1].min(), ring[:, 1].max()) for ring in holes)[len(holes) // 2]
-            cut = sum(middle) // 2 - top
-            waiting += [(filled[:cut], x + left, y + top), (filled[cut:], x + left, y + top + cut)]
+        part, into = waiting.pop()
+        pieces = np.empty(part.shape, np.int32)
+        ndimage.label(part, output=pieces)
+        for number, where in enumerate(ndimage.find_objects(pieces), 1):
+            piece = pieces[where] == number
+            if holes := _holes(piece):
+                cut = sum(holes[len(holes) // 2]) // 2
+                waiting += [(piece[:cut], into[where][:cut]), (piece[cut:], into[where][cut:])]
+            else:
+                count += 1
+                into[where][piece] = count
+    # one call for all pieces, as it takes longer to set up than to find an outline
+    rings = [np.array(outline["coordinates"][0][:-1], int) for outline, _ in shapes(numbers, mask=mask)]
     return sorted(rings, key=lambda ring: (ring[:, 1].min(), ring[:, 0].min()))
+
+
+def _holes(piece: np.ndarray) -> list[tuple[int, int]]:
+    """Return the first row of every hole of a piece, and the row after its last, sorted."""
+    from scipy import ndimage
+
+    beside = np.ones((piece.shape[0] + 2, piece.shape[1] + 2), bool)   # with a frame around, which is no hole
+    beside[1:-1, 1:-1] = ~piece
+    numbers = np.empty(beside.shape, np.int32)
+    ndimage.label(beside, output=numbers)
+    return sorted((rows.start - 1, rows.stop - 1) for rows, _ in ndimage.find_objects(numbers)[1:])
 
 
 def joined(rings: Sequence[np.ndarray]) -> np.ndarray:

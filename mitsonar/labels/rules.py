@@ -25,6 +25,10 @@ class Labels:
         See `mitsonar.imaging.objects.object_bins`.
     classes : sequence of str or None
         Classes of objects in the order of their numbers; None: those of the images in alphabetical order.
+    negatives : sequence of str
+        Classes of objects that a detector must not find: counted, and annotated only as `negative_class`.
+    negative_class : str or None
+        Class that negatives are annotated as; None: they are not.
     smallest : int
         Least number of bins of every piece of an annotation.
     min_visible : float
@@ -64,6 +68,8 @@ class Labels:
     threshold: float = 0.5
     above_noise_db: float = 0.0
     classes: Sequence[str] | None = None
+    negatives: Sequence[str] = ()
+    negative_class: str | None = None
     smallest: int = 8
     min_visible: float = 0.0
     whole: bool = False
@@ -91,6 +97,15 @@ class Labels:
                              "number, such as 0.")
         if self.classes is not None and (not all(self.classes) or len(set(self.classes)) < len(self.classes)):
             raise ValueError(f"the classes are {', '.join(map(repr, self.classes))}; give each name once.")
+        if not all(self.negatives) or len(set(self.negatives)) < len(self.negatives):
+            raise ValueError(f"the negatives are {', '.join(map(repr, self.negatives))}; give each name once.")
+        if both := set(self.classes or ()) & set(self.negatives):
+            raise ValueError(f"{', '.join(sorted(both))} is among the classes and the negatives; leave it out of one.")
+        if self.negative_class is not None and not (self.negative_class and self.negatives
+                                                    and self.negative_class not in self.negatives):
+            raise ValueError(f"negatives are to be of the class {self.negative_class!r}; give a name of its own, and "
+                             "the classes of the negatives.")
+        self.numbered(self.classes or ())
         if self.smallest < 1:
             raise ValueError(f"the smallest annotation has {self.smallest} bins; give 1 or more.")
         if not 0 <= self.min_visible <= 1:
@@ -112,6 +127,14 @@ class Labels:
         if self.split is None and self.split_by is not None:
             raise ValueError("a parameter to split by is given, but no split; give its shares or leave it out.")
 
+    def numbered(self, classes: Sequence[str]) -> list[str]:
+        """Return the classes that have numbers, in their order: negatives are left out, or are the last of them."""
+        kept = [name for name in classes if name not in self.negatives]
+        if self.negative_class in kept:
+            raise ValueError(f"negatives are to be of the class {self.negative_class!r}, which other objects have; "
+                             "give a name of its own.")
+        return [*kept, *([] if self.negative_class is None else [self.negative_class])]
+
     @property
     def rules(self) -> dict[str, Any]:
         """Return the rules as JSON for the files."""
@@ -119,4 +142,5 @@ class Labels:
                 "highlight_above_noise_db": self.above_noise_db, "smallest_bins": self.smallest,
                 "min_visible": self.min_visible, "whole": self.whole,
                 "tile": self.tile and list(self.tile), "overlap": self.overlap,
+                **({"negatives": [*self.negatives], "negative_class": self.negative_class} if self.negatives else {}),
                 "drop_empty": self.drop_empty, "tvg": self.tvg, "form": self.form, "cell": self.cell}

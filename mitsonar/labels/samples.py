@@ -23,6 +23,7 @@ from . import coco, yolo
 from .labelling import LabelledTile, labelled
 from .pictures import write_png
 from .rules import Labels
+from .tally import Tally
 
 # attributes of a record that its pictures' JSON has
 TOLD = ("sonar", "file", "parameters", "seed", "seabed", "frequency", "versions", "instruction_set")
@@ -55,25 +56,27 @@ def key_of(name: str) -> str:
     return name.replace(".", "_").replace("/", "_")
 
 
-def write_sample(record: xr.Dataset, stream: IO[bytes], key: str, rules: SampleRules) -> int:
-    """Write the labelled pictures of a record as a tar, and return their number."""
-    about = {name: record.attrs.get(name) for name in TOLD}
-    numbers = coco.categories(rules.labels.classes or (), whole=rules.labels.whole)
-    key, count = key_of(key), 0
+def write_sample(record: xr.Dataset, stream: IO[bytes], key: str, rules: SampleRules,
+                 meshes: Sequence[Mapping[str, str]] = ()) -> Tally:     # of the scene, with their licences
+    """Write the labelled pictures of a record as a tar, and return their numbers."""
+    about = {**{name: record.attrs.get(name) for name in TOLD}, **({"meshes": [*meshes]} if meshes else {})}
+    classes = rules.labels.numbered(rules.labels.classes or ())
+    numbers = coco.categories(classes, whole=rules.labels.whole)
+    key, tally = key_of(key), Tally()
     with tarfile.open(fileobj=stream, mode="w", format=tarfile.USTAR_FORMAT) as tar:
         for tile in labelled(record, key, rules.labels)[1]:
-            if rules.labels.drop_empty and not tile.pieces:
+            if rules.labels.drop_empty and tile.empty:
                 continue
-            if lacking := {piece.class_name for piece in tile.pieces} - set(rules.labels.classes or ()):
+            if lacking := {piece.class_name for piece in tile.pieces} - set(classes):
                 raise ValueError(f"{key} has objects of the class {', '.join(sorted(lacking))}, which the classes "
                                  "given lack; give all classes.")
             name = f"{key}_{tile.ending}" if tile.ending else key
-            count += 1
+            tally.picture(_counts(tile, numbers), tile.negatives, rules.labels.negative_class)
             for ending, content in _members(record, tile, name, rules, numbers, about):
                 info = tarfile.TarInfo(f"{name}.{ending}")
                 info.size = len(content)
                 tar.addfile(info, io.BytesIO(content))
-    return count
+    return tally
 
 
 def _members(record, tile: LabelledTile, name: str, rules: SampleRules, numbers: dict[str, int],
@@ -94,9 +97,15 @@ def _members(record, tile: LabelledTile, name: str, rules: SampleRules, numbers:
         yield "npz", held.getvalue()
     entries = [{key: value for key, value in coco.entry(piece, number, 0, numbers).items() if key != "image_id"}
                | {"category": piece.category} for number, piece in enumerate(tile.pieces, 1)] * rules.labels.coco
-    counts = {category: sum(piece.category == category for piece in tile.pieces) for category in numbers}
+    negatives = {"negatives": tile.negatives, "negative_class": rules.labels.negative_class} if tile.negatives else {}
     yield "json", json.dumps({"height": height, "width": width, "frame": tile.number, **about, **tile.description,
-                              "counts": counts, "annotations": entries}, ensure_ascii=False).encode()
+                              "counts": _counts(tile, numbers), **negatives, "annotations": entries},
+                             ensure_ascii=False).encode()
+
+
+def _counts(tile, numbers):
+    """Return the numbers of annotations by category."""
+    return {category: sum(piece.category == category for piece in tile.pieces) for category in numbers}
 
 
 def _arrays(record, tile, names: Sequence[str]) -> dict[str, np.ndarray]:

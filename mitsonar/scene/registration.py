@@ -11,6 +11,7 @@ import sys
 import threading
 
 from mitsonar.device import llvm
+from mitsonar.device.lazy import imports
 
 LOCK = threading.RLock()            # of registration, and of setting the variant that it is for
 
@@ -53,12 +54,13 @@ def register(variant: str | None) -> None:
             return                  # scalar variants have no arrays to trace with
         if variant.startswith("llvm"):
             llvm.check()            # Dr.Jit may have been imported, with any LLVM, before mitsonar was
-        for name in MODULES:
-            name = f"mitsonar.plugins.{name}"
-            if name in sys.modules:
-                importlib.reload(sys.modules[name])
-            else:
-                importlib.import_module(name)
+        with imports():
+            for name in MODULES:
+                name = f"mitsonar.plugins.{name}"
+                if name in sys.modules:
+                    importlib.reload(sys.modules[name])
+                else:
+                    importlib.import_module(name)
         _registered = variant
 
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy import fft
+import scipy
 
 from .relief import Relief, step
 from .roughness import RoughnessSpectrum
@@ -45,20 +45,20 @@ class Fractal(Relief):
         reach = self.spectrum.outer_scale if self.surveyed is None else min(
             self.spectrum.outer_scale, _SPLINE_REACH * max(self.surveyed))
         margin = [int(np.ceil(reach / d)) for d in steps]
-        padded: list[Any] = [fft.next_fast_len(len(axis) + 2 * m, real=True) for axis, m in zip((y, x), margin)]
+        padded: list[Any] = [scipy.fft.next_fast_len(len(axis) + 2 * m, real=True) for axis, m in zip((y, x), margin)]
         if padded[0] * padded[1] > _MOST_NODES:
             raise ValueError(f"fractal: waves of up to {reach} m around {len(y)} x {len(x)} nodes "
                              f"at {steps[1]:.3g} m need {padded[0]} x {padded[1]} nodes, more than {_MOST_NODES}; "
                              "use a coarser step, a smaller grid or a smaller outer scale.")
         first = [round(axis[0] / d) - m for axis, d, m in zip((y, x), steps, margin)]
         noise = _white_noise(self.seed, first, padded)
-        k_y = 2 * np.pi * fft.fftfreq(padded[0], steps[0])
-        k_x = 2 * np.pi * fft.rfftfreq(padded[1], steps[1])
+        k_y = 2 * np.pi * scipy.fft.fftfreq(padded[0], steps[0])
+        k_x = 2 * np.pi * scipy.fft.rfftfreq(padded[1], steps[1])
         gain = np.sqrt(self.spectrum.at(np.hypot(k_x, k_y[:, None])) * (2 * np.pi) ** 2 / (steps[0] * steps[1]))
         if self.surveyed is not None:
             t_x, t_y = _spline_response(k_x * self.surveyed[0]), _spline_response(k_y * self.surveyed[1])
             gain *= np.sqrt(np.maximum(1 - np.square(t_x * t_y[:, None]), 0))
-        heights = np.asarray(fft.irfft2(fft.rfft2(noise) * gain, s=padded, overwrite_x=True))
+        heights = np.asarray(scipy.fft.irfft2(scipy.fft.rfft2(noise) * gain, s=padded, overwrite_x=True))
         return heights[margin[0]:margin[0] + len(y), margin[1]:margin[1] + len(x)].copy()
 
 

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import gamma
+import scipy
 
 from .places import around, tiles, wander
 from .relief import Relief, along, check, step
@@ -59,7 +59,7 @@ class Ripples(Relief):
         fraction = cycles - np.floor(cycles)
         angle = np.pi * np.where(fraction < crest, fraction / crest - 1, (fraction - crest) / (1 - crest))
         power = 2 - self.sharpness
-        mean = 1 - 2 * gamma((power + 1) / 2) / (np.sqrt(np.pi) * gamma(power / 2 + 1))
+        mean = 1 - 2 * scipy.special.gamma((power + 1) / 2) / (np.sqrt(np.pi) * scipy.special.gamma(power / 2 + 1))
         return self.height / 2 * strength * (1 - 2 * np.abs(np.sin(angle / 2)) ** power - mean)
 
     @property

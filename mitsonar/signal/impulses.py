@@ -36,9 +36,8 @@ from typing import TypeAlias
 
 import drjit as dr
 import numpy as np
-import scipy.fft
+import scipy
 from numpy.typing import ArrayLike
-from scipy.special import i0
 
 from mitsonar.device.types import ArrayTypes, Float
 
@@ -60,13 +59,15 @@ class Bell:
     def impulse(self, x: ArrayLike) -> np.ndarray:
         """Return k at x places from the echo."""
         inside = 1 - (2 * np.asarray(x, float) / self.taps) ** 2
+        i0 = scipy.special.i0
         return np.where(inside > 0, i0(self.shape * np.sqrt(np.maximum(inside, 0))) / i0(self.shape), 0.0)
 
     def spectrum(self, frequency: ArrayLike) -> np.ndarray:
         """Return the Fourier transform of k at `frequency` [cycles a place]."""
         root = np.sqrt(self.shape ** 2 - (np.pi * self.taps * np.asarray(frequency, float)) ** 2 + 0j)
         near = np.abs(root) < 1e-6
-        return np.real(np.where(near, 1.0, np.sinh(root) / np.where(near, 1, root))) * self.taps / i0(self.shape)
+        shape = np.real(np.where(near, 1.0, np.sinh(root) / np.where(near, 1, root)))
+        return shape * self.taps / scipy.special.i0(self.shape)
 
 
 FLAT = 1 / 3                       # [cycles per sample], edge of the flat band

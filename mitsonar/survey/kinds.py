@@ -8,6 +8,8 @@ import importlib
 from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar, cast
 
+from mitsonar.device.lazy import imports
+
 from .sensor import RunSettings, Sensor, sonar_of
 
 if TYPE_CHECKING:
@@ -38,7 +40,8 @@ class _KindFiles(Mapping[str, KindT]):
     def __getitem__(self, name: str) -> KindT:
         if name not in self._names:
             raise KeyError(name)
-        return cast(KindT, importlib.import_module(f"{__package__}.{FILES.get(name, f'{name}.kind')}"))
+        with imports():
+            return cast(KindT, importlib.import_module(f"{__package__}.{FILES.get(name, f'{name}.kind')}"))
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._names)

@@ -1,12 +1,16 @@
 """Limits of a survey, checked before it begins: the machine's memory, and sums that would take hours."""
+from __future__ import annotations
+
 import os
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mitsonar.signal.gates import speckle_gates
 
-from .energy.sidescan_survey import SidescanSurvey
-from .pressure.array_survey import ArraySurvey
+if TYPE_CHECKING:
+    from .energy.sidescan_survey import SidescanSurvey
+    from .pressure.array_survey import ArraySurvey
 
 BYTES_PER_BIN = 90                 # record while it is made and written, all variables together
 BYTES_PER_LABEL = 13               # and for each shape's share of a bin

@@ -21,6 +21,17 @@ LONG_SECONDS = 300.0               # [s]: a first trial longer than this suffice
 
 
 @dataclass(frozen=True, kw_only=True)
+class SceneCost:
+    """Cost of the missing renders of one scene."""
+
+    name: str
+    missing: int
+    seconds: float  # mean per render
+    bytes: float  # mean per render
+    trials: int
+
+
+@dataclass(frozen=True, kw_only=True)
 class Estimate:
     """Estimate of a sweep's cost."""
 
@@ -38,6 +49,7 @@ class Estimate:
     trials: int  # renders made for the estimate
     free: int  # [bytes]: on the disk of the folder
     unplanned: list[str]  # outputs in the folder that the plan does not have
+    scenes: tuple[SceneCost, ...] = ()  # of every scene with missing renders
 
 
 def estimate(plan: Plan | FilePath, folder: FilePath | None = None, *, processes: int | None = None,
@@ -51,24 +63,44 @@ def estimate(plan: Plan | FilePath, folder: FilePath | None = None, *, processes
     ours = part.indices(len(plan))
     check_count(folder, part)
     state = standing(plan, folder, read_all(folder, part)[0], made_by, verify=verify, part=part)
-    seconds, sizes, trials = state.seconds, state.bytes, 0
-    if state.missing and seconds:
-        with Local(1, threads, os.path.dirname(plan.path)) as pool:
-            check_loading(pool, plan, state.missing, made_by)
-    elif state.missing:
-        seconds, sizes = _try(plan, state.missing, threads, made_by, say or (lambda text: None))
-        trials = len(sizes)
+    scenes = tuple(_costs(plan, state, threads, made_by, say or (lambda text: None)))
     at_once = max(1, min(processes, cores() // threads))
-    mean, size = (sum(seconds) / len(seconds), sum(sizes) / len(sizes)) if state.missing else (None, None)
+    mean, size = (sum(scene.missing / len(state.missing) * scene.seconds for scene in scenes),
+                  sum(scene.missing / len(state.missing) * scene.bytes for scene in scenes)) if scenes else (None, None)
     existing = folder
     while not os.path.exists(existing):
         existing = os.path.dirname(existing)
     return Estimate(folder=folder, total=len(ours), missing=len(state.missing), changed=state.changed,
                     damaged=state.damaged, processes=processes, threads=threads, at_once=at_once, seconds=mean,
-                    bytes=size, trials=trials,
+                    bytes=size, trials=sum(scene.trials for scene in scenes), scenes=scenes,
                     duration=None if mean is None else mean * math.ceil(len(state.missing) / at_once),
                     free=shutil.disk_usage(existing).free,
                     unplanned=state.unplanned if part.whole else [])
+
+
+def _costs(plan, state, threads, made_by, say):
+    """Yield the cost of every scene with missing renders, from its finished ones or from trials."""
+    missing, finished = _by_scene(plan, state.missing), _by_scene(plan, range(len(state.finished)), state.finished)
+    for name, indices in missing.items():
+        if name in finished:
+            with Local(1, threads, os.path.dirname(plan.path)) as pool:
+                check_loading(pool, plan, indices, made_by)
+            seconds, sizes = ([costs[place] for place in finished[name]] for costs in (state.seconds, state.bytes))
+        else:
+            seconds, sizes = _try(plan, indices, threads, made_by,
+                                  lambda text, name=name: say(text if plan.turns is None else f"{text} of {name}"))
+        yield SceneCost(name=name, missing=len(indices), seconds=sum(seconds) / len(seconds),
+                        bytes=sum(sizes) / len(sizes), trials=0 if name in finished else len(sizes))
+
+
+def _by_scene(plan, places, indices=None):
+    """Return numbers by the scene of the render of that number, or of the one at that place of a list."""
+    if plan.turns is None:
+        return {plan.recipes[0].name: places} if len(places) else {}
+    found = {}
+    for place in places:
+        found.setdefault(plan.turn(place if indices is None else indices[place])[0].name, []).append(place)
+    return {recipe.name: found[recipe.name] for recipe in plan.recipes if recipe.name in found}
 
 
 def _try(plan, missing, threads, made_by, say):

@@ -3,6 +3,7 @@ import array
 import contextlib
 import errno
 import itertools
+import json
 import os
 import queue
 import time
@@ -12,6 +13,7 @@ from typing import Any
 
 from mitsonar.device import files
 from mitsonar.device.files import FilePath
+from mitsonar.labels.tally import Tally
 
 from .manifest import Manifest, ManifestEntry, key, remove_leftovers, sha256, stamp_of, versions
 from .parts import WHOLE, Part, check_count, manifests
@@ -44,6 +46,8 @@ class Outcome:
         Duration of the run.
     redrawn : int
         Number of renders made now whose parameters were drawn again.
+    labelled : Tally or None
+        Numbers of the labelled pictures of all finished samples; None for other products.
     """
 
     folder: str
@@ -55,6 +59,7 @@ class Outcome:
     failures: tuple[tuple[str, str], ...]
     seconds: float
     redrawn: int = 0
+    labelled: Tally | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,8 +69,10 @@ class Standing:
     missing: "array.array[int]"  # numbers of the renders to make
     changed: int  # number of these with an image from other parameters, files or versions
     damaged: int  # number of these with an altered image
+    finished: "array.array[int]"  # numbers of the finished renders
     seconds: list[float]  # of each finished render
     bytes: list[float]  # of each finished render
+    tally: Tally  # of the labelled pictures of finished renders
     unplanned: list[str]  # finished outputs of another plan, or of this one before a change
 
 
@@ -150,7 +157,7 @@ def run(plan: Plan | FilePath, folder: FilePath | None = None, *, processes: int
             say(unplanned_said(state.unplanned, folder))
         if manifest.fresh:
             _check_foreign(plan, folder, ours)
-        runner = _Runner(plan, folder, manifest, state.missing, made_by, progress)
+        runner = _Runner(plan, folder, manifest, state, made_by, progress)
         if state.missing:
             try:
                 with (Local(*counts, place) if workers is None and scheduler is None else
@@ -162,21 +169,29 @@ def run(plan: Plan | FilePath, folder: FilePath | None = None, *, processes: int
                 remove_leftovers(_folders(plan, folder), outputs)
     return Outcome(folder=folder, manifest=manifest.path, total=len(ours), kept=len(ours) - len(state.missing),
                    done=runner.done, failed=runner.failed, failures=tuple(runner.failures),
-                   seconds=time.perf_counter() - start, redrawn=runner.redrawn)
+                   seconds=time.perf_counter() - start, redrawn=runner.redrawn,
+                   labelled=None if plan.labels is None else runner.tally)
 
 
 def standing(plan: Plan, folder: str, entries: Mapping[str, ManifestEntry], made_by: Mapping[str, str], *,
              verify: bool = False, part: Part = WHOLE) -> Standing:
     """Return the state of a sweep or a part; renders are missing unless their files exist and match the manifest."""
-    missing, changed, damaged, seconds, sizes = array.array("l"), 0, 0, [], []
+    missing, finished, changed, damaged = array.array("l"), array.array("l"), 0, 0
+    seconds, sizes, tally = [], [], Tally()
+
+    def keep(index: int, entry: ManifestEntry) -> None:
+        finished.append(index)
+        seconds.append(entry.seconds)
+        sizes.append(entry.bytes)
+        if entry.labelled is not None:
+            tally.add(json.loads(entry.labelled))
     digest = plan.digests()
     same = {} if verify else _of_this_plan(plan, folder, entries, made_by, digest)
     unplanned_outputs = {output for output, entry in entries.items() if entry.status == "ok"
                          and (entry.index not in same or same[entry.index] is not entry)}
     for index in part.indices(len(plan)):
         if (entry := same.get(index)) is not None:
-            seconds.append(entry.seconds)
-            sizes.append(entry.bytes)
+            keep(index, entry)
             continue
         if not unplanned_outputs:                      # nothing that this render could be
             missing.append(index)
@@ -195,11 +210,10 @@ def standing(plan: Plan, folder: str, entries: Mapping[str, ManifestEntry], made
             missing.append(index)
             damaged += 1
         else:
-            seconds.append(entry.seconds)
-            sizes.append(entry.bytes)
+            keep(index, entry)
     unplanned = sorted(output for output in unplanned_outputs if os.path.exists(os.path.join(folder, output)))
-    return Standing(missing=missing, changed=changed, damaged=damaged, seconds=seconds, bytes=sizes,
-                    unplanned=unplanned)
+    return Standing(missing=missing, changed=changed, damaged=damaged, finished=finished, seconds=seconds,
+                    bytes=sizes, tally=tally, unplanned=unplanned)
 
 
 def _of_this_plan(plan, folder, entries, made_by, digest):
@@ -228,18 +242,27 @@ def unplanned_said(outputs: Sequence[str], folder: str) -> str:
 
 def job(plan: Plan, render: Render, folder: str | None, made_by: Mapping[str, str]) -> dict[str, Any]:
     """Return the job of a render for a worker; without a folder its scene is only loaded."""
-    return {"scene": plan.scene, "parameters": texts(render), "seed": render.seed, "versions": made_by,
+    labels = render.recipe.labels
+    return {"scene": render.recipe.scene, "parameters": texts(render), "seed": render.seed, "versions": made_by,
             "folder": folder or os.path.dirname(plan.path), "output": render.output if folder else None,
             "preview": preview(render.output) if plan.previews and folder else None, "soundings": plan.soundings,
-            "labels": None if plan.labels is None else [plan.labels, plan.classes],
+            "labels": None if labels is None else [labels, plan.classes],
             "trial": False}
 
 
 def check_loading(pool: Local | Cluster, plan: Plan, missing: Sequence[int], made_by: Mapping[str, str]) -> None:
-    """Raise `ValueError` if neither the first nor the last scene of a sweep can be loaded."""
+    """Raise `ValueError` if of any scene of a sweep neither the first nor the last render can be loaded."""
+    ends: dict[str, list[int]] = {}
+    for index in missing if plan.turns is not None else (missing[0], missing[-1]):
+        ends.setdefault(plan.turn(index)[0].name, [index, index])[1] = index
+    for first, last in ends.values():
+        _check_loading(pool, plan, dict.fromkeys((first, last)), made_by)
+
+
+def _check_loading(pool, plan, indices, made_by):
     errors = []
     tries = range(1 + MOST_REDRAWN if plan.redraw else 1)
-    for index, again in itertools.product(dict.fromkeys((missing[0], missing[-1])), tries):
+    for index, again in itertools.product(indices, tries):
         answer = _answer(pool.submit(job(plan, plan.render(index, again), None, made_by)))
         if not answer.get("error"):
             return
@@ -264,8 +287,9 @@ def only(plan: Plan, index: int, output: FilePath, *, threads: int | None = None
 class _Runner:
     """Loop that keeps a pool busy and writes the manifest."""
 
-    def __init__(self, plan, folder, manifest, missing, made_by, progress):
-        self.plan, self.folder, self.manifest, self.missing, self.made_by = plan, folder, manifest, missing, made_by
+    def __init__(self, plan, folder, manifest, state, made_by, progress):
+        self.plan, self.folder, self.manifest, self.made_by = plan, folder, manifest, made_by
+        self.missing, self.tally = state.missing, state.tally
         self.progress = progress or (lambda done, total, failed: None)
         self.done, self.failed, self.redrawn, self.failures = 0, 0, 0, []
         self._answers, self._running = queue.SimpleQueue(), {}
@@ -312,7 +336,11 @@ class _Runner:
             "instruction_set": answer.get("instruction_set"), "seconds": answer["seconds"],
             "bytes": answer.get("bytes"), "sha256": answer.get("sha256"), "error": error,
             **({"redrawn": render.redrawn} if self.plan.redraw else {}),
+            **({"scene": render.recipe.name} if self.plan.turns is not None else {}),
+            **({"split": render.split} if render.split is not None else {}),
             **({"classes": self.plan.classes} if self.plan.classes else {}),
+            **({"labelled": answer["labelled"]} if answer.get("labelled") else {}),
+            **({"balance": self.plan.balance} if self.plan.balance else {}),
             **({"preview": preview(render.output)} if self.plan.previews and not error else {}),
             **({"warnings": answer["warnings"]} if answer["warnings"] else {})})
         if error:
@@ -321,6 +349,8 @@ class _Runner:
         else:
             self.done += 1
             self.redrawn += render.redrawn > 0
+            if answer.get("labelled"):
+                self.tally.add(answer["labelled"])
         self.progress(self.done + self.failed, len(self.missing), self.failed)
 
 
@@ -353,9 +383,9 @@ def _digest(path):
 
 def _folders(plan, folder):
     """Return the folders of all outputs."""
-    if "/" not in plan.pattern.text:
-        return [folder]
-    return sorted({os.path.dirname(os.path.join(folder, plan.render(index).output)) for index in range(len(plan))})
+    if (folders := plan.pattern.folders()) is None:
+        folders = {os.path.dirname(plan.render(index).output) for index in range(len(plan))}
+    return sorted(os.path.join(folder, name) if name else folder for name in folders)
 
 
 @contextlib.contextmanager

@@ -9,7 +9,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping
 
 from mitsonar.device.spelling import meant
-from mitsonar.io.scene_files import scenes
+from mitsonar.io.scene_files import mesh_lists, meshes, scenes
 from mitsonar.plugins import attributes, reference
 
 from .manifest import sha256
@@ -37,6 +37,10 @@ class Inputs:
             if name not in self.known:
                 raise ValueError(f"the scene {os.path.basename(self.scene)} has no parameter {shortened(name)}"
                                  f"{meant(name, self.known)}; it has {', '.join(sorted(self.known)) or 'none'}")
+
+    def defaults(self) -> dict[str, str]:
+        """Return the scene's own values of its parameters, without those that contain others."""
+        return {name: text for name, text in self._tree(self.scene)[1].items() if name and not NAME.search(text)}
 
     def check_files(self, columns: Mapping[str, tuple]) -> None:
         """Raise `FileNotFoundError` for values that name missing files."""
@@ -83,6 +87,9 @@ class Inputs:
                 path_found = self._find(name) if name else None
                 if path_found is not None:
                     inputs.update(f"{name} {self._content(path_found)}\n".encode())
+                    stated = os.path.join(os.path.dirname(path_found), mesh_lists.NAME)
+                    if path_found.lower().endswith(meshes.KINDS) and os.path.isfile(stated):
+                        inputs.update(f"{name} {mesh_lists.NAME} {self._content(stated)}\n".encode())
         return inputs.hexdigest()
 
     def digests(self) -> Callable[[Mapping[str, str]], str]:

@@ -6,8 +6,9 @@ too, and a part that of the whole.
 Each line holds ``index``, ``plan`` (SHA-256 of plan and table), ``output``, ``parameters``, ``seed``, ``inputs``
 (SHA-256 of the scene and the files it reads), ``versions``, ``instruction_set`` (of the machine that rendered it),
 ``status`` ("ok" or "failed"), ``attempts``, ``seconds``, ``bytes`` and ``sha256`` of the output, ``error``, and if
-present ``redrawn`` (number of repeated draws of its parameters), ``classes``, ``preview`` and ``warnings``. The last
-line about an output counts.
+present ``redrawn`` (number of repeated draws of its parameters), ``scene`` (name in a plan of several), ``split``
+(subset of the plan), ``classes``, ``labelled`` (numbers of a sample's pictures), ``balance`` (wishes of the plan),
+``preview`` and ``warnings``. The last line about an output counts.
 
 Only the holder of its lock writes, a line at a time. Readers ignore an incomplete line (after a power failure
 or on a full disk), and the next writer removes it.
@@ -28,10 +29,12 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, NamedTuple
 
 from mitsonar.device.files import FULL, FilePath, check_readable
+from mitsonar.labels.tally import checked
 from mitsonar.version import __version__
 
 from .parts import MANIFEST, WHOLE, Part, manifests
 
+SUBSETS = ("train", "val", "test")
 LONGEST_LINE = 1 << 20             # bytes; lines of mitsonar are far shorter
 FLUSH_SECONDS = 5.0
 LOCKLESS = errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP      # of some network disks: nothing tells of another run there
@@ -54,6 +57,8 @@ class ManifestEntry(NamedTuple):
     index: int = -1
     inputs: str = ""
     stamp: str | None = None
+    split: str | None = None
+    labelled: str | None = None  # JSON of `labels.tally`
 
 
 def key(parameters: Mapping[str, object], seed: int, inputs: str, versions: Mapping[str, str]) -> bytes:
@@ -208,12 +213,12 @@ def _entry(record):
     if not (isinstance(size, int) and 0 <= size < 1 << 63 and isinstance(record["index"], int)
             and isinstance(preview, str | None) and isinstance(record.get("sha256"), str | None)
             and all(isinstance(text, str) for text in record["versions"].values())
-            and isinstance(record["seed"], int)
+            and isinstance(record["seed"], int) and record.get("split") in (None, *SUBSETS)
             and json.dumps([record["output"], record["parameters"]], ensure_ascii=False).encode()
             and all(map(_is_value, record["parameters"].values()))
             and 0 <= float(record["seconds"]) < math.inf):
         raise ValueError
-    classes = record.get("classes")
+    classes, labelled = record.get("classes"), checked(record.get("labelled"))
     return record["output"], ManifestEntry(key=key(record["parameters"], record["seed"], record["inputs"],
                                                    record["versions"]),
                                            status=record["status"], bytes=size, preview=preview,
@@ -221,7 +226,9 @@ def _entry(record):
                                            redrawn=int(record.get("redrawn", 0)),
                                            classes=None if classes is None else tuple(map(str, classes)),
                                            index=record["index"], inputs=sys.intern(record["inputs"]),
-                                           stamp=stamp_of(record.get("plan"), record["versions"]))
+                                           stamp=stamp_of(record.get("plan"), record["versions"]),
+                                           split=record.get("split"),
+                                           labelled=None if labelled is None else sys.intern(json.dumps(labelled)))
 
 
 def _is_value(given):

@@ -5,12 +5,14 @@ An image that does not agree is left out and named; a run of the sweep makes it 
 """
 import contextlib
 import errno
+import json
 import os
 import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from mitsonar.device.files import FilePath, check_readable, clear_left, replacing
+from mitsonar.labels.tally import Tally
 
 from .execute import created, default_folder, preview
 from .manifest import Line, hold, key, lines, sha256, versions
@@ -36,6 +38,8 @@ class Merged:
         Numbers of renders that several parts have made with different bytes; the first one is taken.
     instruction_sets : tuple of str
         Instruction sets of the machines that made them; bytes depend on these.
+    labelled : Tally or None
+        Numbers of the labelled pictures of joined samples; None for other products.
     """
 
     folder: str
@@ -45,6 +49,7 @@ class Merged:
     wrong: tuple[tuple[int, str], ...]
     twice: tuple[int, ...]
     instruction_sets: tuple[str, ...]
+    labelled: Tally | None = None
 
 
 def merge(plan: Plan | FilePath, folders: Sequence[FilePath], folder: FilePath | None = None, *,
@@ -104,7 +109,7 @@ def _unless_read_only():
 
 def _joined(plan, sources, folder, progress, parts):
     made_by, found, digest = versions(), _found(sources), plan.digests()
-    missing, wrong, twice, sets, kept = [], [], [], {}, 0
+    missing, wrong, twice, sets, kept, tally = [], [], [], {}, 0, Tally()
     with replacing(os.path.join(folder, MANIFEST)) as temporary, open(temporary, "wb") as joined:
         for index in range(len(plan)):
             progress(index + 1, len(plan))
@@ -126,6 +131,8 @@ def _joined(plan, sources, folder, progress, parts):
             for name in _outputs(plan, record["output"]):
                 _bring(os.path.join(line.folder, name), os.path.join(folder, name))
             joined.write(line.text())
+            if line.entry is not None and line.entry.labelled is not None:
+                tally.add(json.loads(line.entry.labelled))
             sets[str(record.get("instruction_set"))] = None
             kept += 1
         for line in (line for others in found.values() for line in others if line.folder == folder):
@@ -135,7 +142,8 @@ def _joined(plan, sources, folder, progress, parts):
             with contextlib.suppress(FileNotFoundError):
                 os.unlink(os.path.join(folder, left))
     return Merged(folder=folder, total=len(plan), joined=kept, missing=tuple(missing), wrong=tuple(wrong),
-                  twice=tuple(twice), instruction_sets=tuple(sorted(sets)))
+                  twice=tuple(twice), instruction_sets=tuple(sorted(sets)),
+                  labelled=None if plan.labels is None else tally)
 
 
 def _found(sources):

@@ -1,4 +1,5 @@
 """Names of a sweep's renders from a pattern such as ``{index:04}_{range}.exr``."""
+import itertools
 import os
 import re
 import string
@@ -18,8 +19,10 @@ LONGEST_KEY = 64                   # bytes; names in a tar take 100, with turn, 
 class Pattern:
     """Pattern of names, and the parameters it uses."""
 
-    def __init__(self, text: str, known: Iterable[str], paths: Iterable[str] = ()):
-        known = {"index", "seed", *known}
+    def __init__(self, text: str, known: Iterable[str], paths: Iterable[str] = (),
+                 own: Mapping[str, tuple[str, ...]] | None = None):
+        self.own = {**(own or {})}                     # fields of the plan, and the texts that they may have
+        known = {"index", "seed", *self.own, *known}
         if not isinstance(text, str) or len(text) > 500 or any(ord(letter) < 32 for letter in text) or "\\" in text:
             raise ValueError(f"output is {shortened(text)}; give a pattern of names, such as \"{{index:04}}.exr\"")
         try:
@@ -41,12 +44,27 @@ class Pattern:
         if any(name.startswith(".") for name in names):
             raise ValueError(f"output is {shortened(text)}; give names that do not begin with a dot")
         self.text, self.paths = text, frozenset(paths)
-        self.parameters = {field for _, field, *_ in self.parts if field is not None} - {"index", "seed"}
+        self.parameters = {field for _, field, *_ in self.parts if field is not None} - {"index", "seed",
+                                                                                                   *self.own}
 
     def numbered(self) -> bool:
-        """Return True if the index makes names unique: it comes first and no digit can follow."""
-        (_, field, spec, _), (after, *_) = self.parts[0], (*self.parts, ("",))[1]
-        return field == "index" and NUMBER.fullmatch(spec or "") is not None and after[:1] not in (*string.digits, "")
+        """Return True if the index makes names unique: no digit can follow, and it comes first, or last in a folder."""
+        for number, (before, field, spec, _) in enumerate(self.parts):
+            if field == "index":
+                after, later, *_ = (*self.parts[number + 1:], ("", None))[0]
+                return ((not number and not before or before.endswith("/") and later is None)
+                        and NUMBER.fullmatch(spec or "") is not None and after[:1] not in (*string.digits, ""))
+        return False
+
+    def folders(self) -> set[str] | None:
+        """Return the folders of all names, or None if parameters or numbers are part of them."""
+        parts = list(string.Formatter().parse(self.text.rpartition("/")[0]))
+        if not {field for _, field, *_ in parts if field is not None} <= self.own.keys():
+            return None
+        fields = {field: self.own[field] for _, field, *_ in parts if field is not None}
+        return {"".join(literal + (_written(field, chosen[field], spec) if field is not None else "")
+                        for literal, field, spec, _ in parts)
+                for values in itertools.product(*fields.values()) for chosen in [dict(zip(fields, values))]}
 
     def name(self, index: int, seed: int, parameters: Mapping[str, object]) -> str:
         """Return the name of a render."""

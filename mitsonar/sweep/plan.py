@@ -1,35 +1,40 @@
-"""Plan of a sweep: a scene, values of its parameters and names of its renders, from a TOML file.
+"""Plan of a sweep: scenes, values of their parameters and names of their renders, from a TOML file.
 
-    renders = samples x seeds x rows of the table x length of the lists x grid
-
-in this order, with the last parameter of the grid running fastest. More samples, or more rows with one sample and one
-seed, therefore follow the existing renders.
+A plan of one scene makes all renders of its `recipe`. A plan of several makes ``renders``, which the scenes take in
+turns by their shares. More samples, more renders, or more rows of a table with one sample and one seed, therefore
+follow the existing renders.
 """
 import hashlib
-import itertools
-import math
 import os
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib.resources import files
 from typing import Any
 
 from mitsonar.device.files import FilePath
 from mitsonar.device.spelling import meant
-from mitsonar.io.scene_files import scenes, tables
+from mitsonar.io.scene_files import scenes
 from mitsonar.labels.samples import key_of
 
+from . import recipe as recipes
+from .balance import balance_of
+from .drawing.mixture import parts_of, recipes_of
+from .drawing.rules import Rule
+from .drawing.shares import SharedTurns
+from .drawing.splits import Split
+from .drawing.tables import check_file
 from .inputs import Inputs
 from .manifest import sha256
 from .names import Pattern
 from .products import labels_of, options_digest, soundings_of
-from .values import Draw, axis, draw, random_bits, shortened, value, whole
+from .recipe import MOST_SEEDS, Recipe, names_of, section
+from .values import shortened, whole
 
 MOST_RENDERS = 1_000_000
-LARGEST_PLAN, LARGEST_TABLE = 10_000_000, 200_000_000           # bytes
-MOST_SEEDS = 1 << 32                                            # limit of `mitsonar.render`
-KEYS = ("scene", "output", "seed", "seeds", "samples", "previews", "redraw", "classes", "table", "set", "list", "grid",
-        "draw", "soundings", "labels")
+MOST_TRIED = 1000                  # renders whose parameters are computed when a plan is read
+LARGEST_PLAN = 10_000_000          # bytes
+OF_PLAN = ("output", "seed", "samples", "renders", "previews", "classes", "soundings", "split", "scenes", "balance")
+KEYS = ("scene", *OF_PLAN, *(key for key in recipes.KEYS if key != "scene"))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,6 +53,10 @@ class Render:
         Seed of rays, speckle and noise.
     redrawn : int
         Number of repeated draws of the plan's `redraw` parameters.
+    recipe : Recipe
+        Scene, and how its parameters are drawn.
+    split : str or None
+        Subset of the plan: ``train``, ``val`` or ``test``; None without a split.
     """
 
     index: int
@@ -55,6 +64,8 @@ class Render:
     parameters: dict[str, Any]
     seed: int
     redrawn: int = 0
+    recipe: Recipe = field(repr=False, compare=False)
+    split: str | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,62 +74,105 @@ class Plan:
 
     Attributes
     ----------
-    path, scene : str
-        Absolute paths of plan and scene.
+    path : str
+        Absolute path of the plan.
     home : str
         Parent of the default folder: the plan's folder, or for a plan that comes with mitsonar the current one.
     pattern : Pattern
         Pattern of the names of outputs.
     seed : int
         Seed of all draws and of the seeds of renders.
-    seeds : int or tuple of int
-        Number of renders of every combination, or their seeds.
-    samples : int
-        Number of draws of every combination.
+    count : int
+        Number of renders. With more of them (``dataclasses.replace(plan, count=...)``), a plan begins with the same.
     previews : bool
         True to write a PNG beside each file.
-    fixed : dict
-        Parameters with a single value.
-    table, lists, grid : dict of str to tuple
-        Parameters with several values: columns of equal length (table and lists), and crossed ones (grid).
-    draws : dict of str to Draw
-        Parameters drawn at random.
-    redraw : tuple of str
-        Parameters that are drawn again if the scene refuses them, for example if its targets do not fit.
+    recipes : tuple of Recipe
+        Scenes, and how their parameters are drawn.
+    turns : SharedTurns or None
+        Turns of several scenes; None for one.
+    split : Split or None
+        Subsets for training, validation and test.
     classes : tuple of str or None
         Classes of objects in the order of their label numbers.
-    inputs : Inputs
-        Files of the scene.
     stamp : str
-        SHA-256 of plan and table: one stamp, the same renders.
+        SHA-256 of plan and tables: one stamp, the same renders.
     soundings : dict or None
         Options of `mitsonar.soundings` and of its file, if renders are lines of soundings; None for pictures.
-    labels : dict or None
-        Rules of labels, if renders are samples; None for others.
+    balance : dict or None
+        Numbers and shares of labelled pictures that are asked for; see `mitsonar.sweep.balance`.
     """
 
     path: str
-    scene: str
     home: str
     pattern: Pattern
     seed: int
-    seeds: int | tuple[int, ...]
-    samples: int
+    count: int
     previews: bool
-    fixed: dict[str, Any]
-    table: dict[str, tuple]
-    lists: dict[str, tuple]
-    grid: dict[str, tuple]
-    draws: dict[str, Draw]
-    redraw: tuple[str, ...]
+    recipes: tuple[Recipe, ...]
+    turns: SharedTurns | None = field(repr=False)
+    split: Split | None = field(repr=False)
     classes: tuple[str, ...] | None
-    inputs: Inputs = field(repr=False)
     stamp: str = field(repr=False)
     soundings: dict[str, Any] | None = None
-    labels: dict[str, Any] | None = None
+    balance: dict[str, Any] | None = None
 
     def __len__(self):
-        return self.samples * self._seeds() * math.prod(self._sizes())
+        return self.count
+
+    @property
+    def scene(self) -> str:
+        """Return the path of the first scene, in most plans the only one."""
+        return self.recipes[0].scene
+
+    @property
+    def fixed(self) -> dict[str, Any]:
+        """Return the parameters of the first scene that have a single value."""
+        return self.recipes[0].fixed
+
+    @property
+    def table(self) -> dict[str, tuple]:
+        """Return the columns of the table of the first scene."""
+        return self.recipes[0].table
+
+    @property
+    def lists(self) -> dict[str, tuple]:
+        """Return the lists of the first scene, side by side."""
+        return self.recipes[0].lists
+
+    @property
+    def grid(self) -> dict[str, tuple]:
+        """Return the crossed values of the first scene."""
+        return self.recipes[0].grid
+
+    @property
+    def draws(self) -> dict[str, Rule]:
+        """Return the rules of the parameters of the first scene that are drawn or follow from others."""
+        return self.recipes[0].rules
+
+    @property
+    def seeds(self) -> int | tuple[int, ...]:
+        """Return the number of renders of every combination of the first scene, or their seeds."""
+        return self.recipes[0].seeds
+
+    @property
+    def inputs(self) -> Inputs:
+        """Return the files of the first scene."""
+        return self.recipes[0].inputs
+
+    @property
+    def labels(self) -> dict[str, Any] | None:
+        """Return the rules of labels of the first scene; None if renders are no samples."""
+        return self.recipes[0].labels
+
+    @property
+    def redraw(self) -> bool:
+        """Return True if some parameters are drawn again when a scene is refused."""
+        return any(recipe.redraw for recipe in self.recipes)
+
+    def turn(self, index: int) -> tuple[Recipe, int]:
+        """Return the recipe of a render, and the render's number among those of that recipe."""
+        scene, own = (0, index) if self.turns is None else self.turns[index]
+        return self.recipes[scene], own
 
     def render(self, index: int, redrawn: int = 0) -> Render:
         """Return the render ``index`` with its `redraw` parameters drawn again ``redrawn`` times.
@@ -128,26 +182,24 @@ class Plan:
         IndexError
             If the plan has no such render.
         ValueError
-            If its values do not fit the pattern of names.
+            If its values do not fit the pattern of names, or an expression has none.
         """
         if not 0 <= index < len(self):
             raise IndexError(f"render {index} was asked for, but the plan has {len(self)} renders")
-        sizes, rest, places = [self._seeds(), *self._sizes()], index, []
-        for size in reversed(sizes):
-            rest, place = divmod(rest, size)
-            places.insert(0, place)
-        sample, (repeat, row, item, *crossed) = rest, places
-        combination = index % math.prod(sizes[1:])
-        parameters = {**self.fixed, **{name: column[row] for name, column in self.table.items()},
-                      **{name: column[item] for name, column in self.lists.items()},
-                      **{name: column[place] for (name, column), place in zip(self.grid.items(), crossed)},
-                      **{name: drawn.at(random_bits(self.seed, name, combination, sample,
-                                                    *(["again", redrawn] if redrawn and name in self.redraw else [])))
-                         for name, drawn in self.draws.items()}}
-        seed = (random_bits(self.seed, "", combination, sample, repeat) % MOST_SEEDS if isinstance(self.seeds, int)
-                else self.seeds[repeat])
-        return Render(index=index, output=self.pattern.name(index, seed, parameters), parameters=parameters, seed=seed,
-                      redrawn=redrawn)
+        recipe, own = self.turn(index)
+        place, subset = recipe.place(own), None
+        try:
+            if self.split is None:
+                parameters = recipe.parameters(place, redrawn)
+            else:
+                subset, parameters = self.split.parameters(recipe, place, redrawn)
+        except ValueError as error:
+            raise ValueError(f"render {index}: {error}") from None
+        seed = recipe.render_seed(place)
+        named = {**parameters, **({"scene": recipe.name} if self.turns is not None else {}),
+                 **({"split": subset} if subset else {})}
+        return Render(index=index, output=self.pattern.name(index, seed, named), parameters=parameters, seed=seed,
+                      redrawn=redrawn, recipe=recipe, split=subset)
 
     def digest(self, render: Render) -> str:
         """Return a SHA-256 of all inputs of a render, in hexadecimal."""
@@ -155,20 +207,23 @@ class Plan:
 
     def digests(self) -> Callable[[Render], str]:
         """Return `digest` for many renders, of files that do not change in the meantime."""
-        digest = self.inputs.digests()
-        product = self.soundings or ({**self.labels, "classes": self.classes} if self.labels is not None else {})
-        if not product:
-            return lambda render: digest(texts(render))
-        options = options_digest(product)
-        return lambda render: hashlib.sha256(f"{digest(texts(render))} {options}".encode()).hexdigest()
+        digests = {recipe.name: recipe.inputs.digests() for recipe in self.recipes}
+        options = {recipe.name: options_digest(product)
+                   for recipe in self.recipes if (product := self._product(recipe))}
 
-    def _seeds(self):
-        return self.seeds if isinstance(self.seeds, int) else len(self.seeds)
+        def digest(render: Render) -> str:
+            inputs = digests[render.recipe.name](texts(render))
+            if render.recipe.name not in options:
+                return inputs
+            return hashlib.sha256(f"{inputs} {options[render.recipe.name]}".encode()).hexdigest()
 
-    def _sizes(self):
-        """Return the lengths of the table, the lists and every parameter of the grid."""
-        first = [len(next(iter(columns.values()), (None,))) for columns in (self.table, self.lists)]
-        return [*first, *map(len, self.grid.values())]
+        return digest
+
+    def _product(self, recipe):
+        """Return what decides about the file of a render, beside its record."""
+        if self.soundings or recipe.labels is None:
+            return self.soundings or {}
+        return {**recipe.labels, "classes": self.classes}
 
 
 def texts(render: Render) -> dict[str, str]:
@@ -219,78 +274,82 @@ def _plan(path, place, home, given):
     if unknown:
         raise ValueError(f"the plan has the unknown key {shortened(unknown[0])}"
                          f"{meant(unknown[0], KEYS)}; known: {', '.join(KEYS)}")
-    if "scene" not in given:
-        raise ValueError('the plan names no scene; write scene = "FILE.xml" at its beginning')
-    beside = os.path.join(place, name := _text(given, "scene"))
-    scene = os.path.abspath(beside if os.path.isfile(beside) else scenes.find(name))
     seed = whole(given.get("seed", 0), "seed", 0, MOST_SEEDS - 1)
-    seeds = _seeds(given.get("seeds", 1))
-    samples = whole(given.get("samples", 1), "samples", 1, MOST_RENDERS)
     previews = given.get("previews", False)
     if not isinstance(previews, bool):
         raise ValueError(f"previews is {shortened(previews)}; give true or false")
-    fixed = {name: value(item, f"set.{name}") for name, item in _section(given, "set")}
-    inputs = Inputs(scene, place)
-    table = _table(os.path.join(place, _text(given, "table")), inputs.known) if "table" in given else {}
-    lists = {name: axis(item, f"list.{name}") for name, item in _section(given, "list")}
-    grid = {name: axis(item, f"grid.{name}") for name, item in _section(given, "grid")}
-    draws = {name: draw(item, f"draw.{name}") for name, item in _section(given, "draw")}
-    named = list(itertools.chain(fixed, table, lists, grid, draws))
-    twice = next((name for name in named if named.count(name) > 1), None) if len(set(named)) < len(named) else None
-    if twice is not None:
-        raise ValueError(f"the parameter {twice} is given twice; leave one out")
-    lengths = {name: len(column) for name, column in lists.items()}
-    if len(set(lengths.values())) > 1:
-        raise ValueError(f"the lists of [list] run side by side, and have the lengths {shortened(lengths)}; make them "
-                         "equal, or move them to [grid], which crosses them")
-    inputs.check_names(named)
-    columns = {**{name: (item,) for name, item in fixed.items()}, **table, **lists, **grid,
-               **{name: drawn.choices for name, drawn in draws.items()}}
-    inputs.check_files(columns)
-    pattern = Pattern(given.get("output", "{index:06}.exr"), named, inputs.paths())
-    soundings = soundings_of(dict(_section(given, "soundings")), pattern.suffix, place, previews)
-    classes = _names(given, "classes") or None
-    labels = labels_of(dict(_section(given, "labels")), pattern.suffix, previews, classes)
-    plan = Plan(path=path, scene=scene, home=home, seed=seed, pattern=pattern, seeds=seeds, soundings=soundings,
-                labels=labels,
-                samples=samples, previews=previews, fixed=fixed, table=table, lists=lists, grid=grid, draws=draws,
-                redraw=_names(given, "redraw"), classes=classes, inputs=inputs,
-                stamp=_stamp(path, *([os.path.join(place, given["table"])] if "table" in given else [])))
-    _check_redraw(plan)
-    if samples > 1 and not draws:
+    parts = parts_of(given)
+    made = tuple(recipes_of(parts, place, seed, "scenes" in given))
+    count, turns = _count(given, made, seed)
+    split = Split(dict(section(given, "split")), made, seed) if "split" in given else None
+    own = {**({"scene": tuple(recipe.name for recipe in made)} if turns is not None else {}),
+           **({"split": tuple(split.shares)} if split is not None else {})}
+    pattern = Pattern(given.get("output", "{index:06}.exr"), set.intersection(*(set(recipe.names) for recipe in made)),
+                      set().union(*(recipe.inputs.paths() for recipe in made)), own)
+    _check_redraw(made, pattern)
+    classes = names_of(given, "classes") or None
+    soundings = soundings_of(dict(section(given, "soundings")), pattern.suffix, place, previews)
+    labelled = [labels_of(dict(section(part, "labels")), pattern.suffix, previews, classes) for part in parts]
+    made = tuple(replace(recipe, labels=labels) for recipe, labels in zip(made, labelled, strict=True))
+    tables = dict.fromkeys(file for part in parts for file in recipes.files_of(part, place))
+    plan = Plan(path=path, home=home, seed=seed, pattern=pattern, count=count, recipes=made, turns=turns, split=split,
+                soundings=soundings, previews=previews, classes=classes, stamp=_stamp(path, *tables),
+                balance=balance_of(given.get("balance"), _all_labels(labelled), classes or ()))
+    _check_renders(plan)
+    return plan
+
+
+def _all_labels(labelled):
+    """Return the rules of labels of all scenes, with the negatives of each; None if renders are no samples."""
+    if labelled[0] is None:
+        return None
+    return {**labelled[0], "negatives": list(dict.fromkeys(
+        name for labels in labelled for name in (*labels.get("negatives", ()), *filter(None, [labels.get(
+            "negative_class")]))))}
+
+
+def _count(given, made, seed):
+    """Return the number of renders, and the turns of several scenes."""
+    if "scenes" in given:
+        if "renders" not in given:
+            raise ValueError("the plan of several scenes says not how many renders it makes; give renders = 1000")
+        return (whole(given["renders"], "renders", 1, MOST_RENDERS),
+                SharedTurns([recipe.share for recipe in made], seed, "scenes"))
+    if "renders" in given:
+        raise ValueError("renders is the number of all renders of several [[scenes]]; give samples, the draws of every "
+                         "combination")
+    samples, recipe = whole(given.get("samples", 1), "samples", 1, MOST_RENDERS), made[0]
+    if samples > 1 and not recipe.is_drawn:
         raise ValueError(f"samples is {samples}, but no parameter is drawn, so that all would be alike; add [draw], or "
                          "take seeds")
-    count = plan.samples * plan._seeds() * math.prod(plan._sizes())        # len() is limited to 63 bits
+    count = samples * recipe.sizes()[0] * recipe.combinations()
     if count > MOST_RENDERS:
         many = f"{count:,}" if count < 1e15 else "over 1e15"
         raise ValueError(f"the plan makes {many} renders; make it at most {MOST_RENDERS:,}")
-    _check_output(plan)
-    inputs.check_kinds({**{name: (item,) for name, item in plan.render(0).parameters.items() if name in draws},
-                        **{name: column for name, column in columns.items() if column}})
-    return plan
+    return count, None
 
 
 def _stamp(*paths):
     return hashlib.sha256("".join(map(sha256, paths)).encode()).hexdigest()
 
 
-def _names(given, key):
-    """Return the names in a list of the plan; () without the list."""
-    names = given.get(key, [])
-    if not (isinstance(names, list) and all(isinstance(name, str) and name for name in names)
-            and len(set(names)) == len(names)):
-        raise ValueError(f"{key} is {shortened(names)}; give a list of different names")
-    return tuple(names)
+def _check_redraw(made, pattern):
+    again = next((name for recipe in made for name in recipe.redraw if name in pattern.parameters), None)
+    if again is not None:
+        raise ValueError(f"output holds the parameter {again}, which redraw may draw again; name files by {{index}}")
 
 
-def _check_redraw(plan):
-    for name in plan.redraw:
-        if name not in plan.draws:
-            raise ValueError(f"redraw names {shortened(name)}{meant(name, plan.draws)}, which is not drawn; give "
-                             f"parameters of [draw]: {', '.join(plan.draws) or 'it has none'}")
-        if name in plan.pattern.parameters:
-            raise ValueError(f"output holds the parameter {name}, which redraw may draw again; name files by "
-                             "{index}")
+def _check_renders(plan):
+    """Raise `ValueError` if names are not different, or values do not fit the scenes."""
+    _check_output(plan)
+    needing = any(rule.needs for recipe in plan.recipes for rule in recipe.rules.values())
+    if plan.split is not None or plan.turns is not None or needing:
+        for number in range(tried := min(len(plan), MOST_TRIED)):
+            plan.render(number * len(plan) // tried)
+    for recipe in plan.recipes:
+        columns = {name: column for name, column in recipe.columns().items() if column}
+        first = recipe.parameters(recipe.place(0))
+        recipe.inputs.check_kinds({**{name: (first[name],) for name in recipe.rules}, **columns})
 
 
 def _check_output(plan):
@@ -315,7 +374,7 @@ def _toml(path):
 
     known = sorted(entry.name[:-5] for entry in files("mitsonar.scenes").iterdir() if entry.name.endswith(".toml"))
     hint = meant(os.path.basename(path).removesuffix(".toml"), known)
-    _check_file(path, "plan", LARGEST_PLAN, "a TOML file", f" or one of: {', '.join(known)}{hint}")
+    check_file(path, "plan", LARGEST_PLAN, "a TOML file", f" or one of: {', '.join(known)}{hint}")
     try:
         with open(path, "rb") as file:
             return tomllib.load(file)
@@ -329,63 +388,3 @@ def _toml(path):
                              'scene = "FILE.xml"') from None
         reason = "it is nested too deeply" if isinstance(error, RecursionError) else " ".join(str(error).split())
         raise ValueError(f"cannot read the plan {path}: {reason[:300]}") from None
-
-
-def _check_file(path, role, largest, wanted, otherwise=""):
-    if not os.path.exists(path):
-        raise FileNotFoundError(f"the {role} {path} does not exist; give the path of {wanted}{otherwise}")
-    if not os.path.isfile(path):
-        raise ValueError(f"the {role} {path} is no file; give the path of {wanted}")
-    if os.path.getsize(path) > largest:
-        raise ValueError(f"the {role} {path} has {os.path.getsize(path):,} bytes; give {wanted} of at most {largest:,}")
-
-
-def _text(given, key):
-    text = given[key]
-    if not isinstance(text, str) or not text or not text.isprintable():
-        raise ValueError(f"{key} is {shortened(text)}; give the name of a file")
-    return text
-
-
-def _section(given, key):
-    section = given.get(key, {})
-    if not isinstance(section, dict):
-        raise ValueError(f"{key} is {shortened(section)}; write parameters under [{key}]")
-    return section.items()
-
-
-def _seeds(given):
-    if not isinstance(given, list):
-        return whole(given, "seeds", 1, MOST_RENDERS)
-    seeds = tuple(whole(item, "seeds", 0, MOST_SEEDS - 1) for item in given)
-    if not seeds or len(set(seeds)) < len(seeds):
-        raise ValueError(f"seeds is {shortened(given)}; give different whole numbers, at least one")
-    return seeds
-
-
-def _table(path, known):
-    """Return the columns of a CSV file by name, spelt as in the scene, with numbers where values read as such."""
-    _check_file(path, "table", LARGEST_TABLE, "a CSV file")
-    names, lines, rows = tables.records(path, "table")
-    if len(set(names)) < len(names) or not all(names):
-        raise ValueError(f"the table {path} has the columns {shortened(names)}; give each a name of its own")
-    spelt = {name.lower(): name for name in known}
-    for line, row in zip(lines, rows, strict=True):
-        if len(row) > len(names):
-            raise ValueError(f"{path}, line {line}: {len(row)} fields, but the header names {len(names)}; name the "
-                             "rest or remove it")
-    return {spelt.get(name, name): tuple(_cell(row[k], f"{path}, line {line}: {name}")
-                                         for line, row in zip(lines, rows, strict=True))
-            for k, name in enumerate(names)}
-
-
-def _cell(text, where):
-    """Return a number if its usual spelling is the text, so that "007" stays text, or a boolean, or the text."""
-    text = text.strip()
-    for kind in (int, float):
-        try:
-            read = kind(text)
-        except ValueError:
-            continue
-        return value(read, where) if str(read) == text else text
-    return value({"true": True, "false": False}.get(text, text), where)

@@ -2,7 +2,7 @@
 import math
 from dataclasses import dataclass
 
-from .estimate import Estimate
+from .estimate import Estimate, SceneCost
 from .pools.local import cores
 from .values import shortened
 
@@ -35,12 +35,12 @@ class Rates:
         return f"{amount:,.2f}" * (amount >= 1) + f"{amount:.2g}" * (amount < 1) + f" {self.currency}".rstrip()
 
 
-def core_hours(estimate: Estimate, renders: int) -> float:
-    """Return the core hours of that many renders on cores like those of this machine; 0 if none was timed."""
-    return (estimate.seconds or 0.0) * min(estimate.threads, cores()) / 3600 * renders
+def core_hours(seconds: float, threads: int, renders: int) -> float:
+    """Return the core hours of renders of that many seconds each, on cores like those of this machine."""
+    return seconds * min(threads, cores()) / 3600 * renders
 
 
-def costs(estimate: Estimate, rates: Rates, renders: int) -> tuple[float, float, str]:
-    """Return the core hours, the bytes and the price of that many renders."""
-    hours, size = core_hours(estimate, renders), (estimate.bytes or 0.0) * renders
+def costs(each: Estimate | SceneCost, threads: int, rates: Rates, renders: int) -> tuple[float, float, str]:
+    """Return the core hours, the bytes and the price of that many renders, by the means of a plan or a scene."""
+    hours, size = core_hours(each.seconds or 0.0, threads, renders), (each.bytes or 0.0) * renders
     return hours, size, rates.price(hours, size)

@@ -103,6 +103,12 @@ def _check_rule(name: str, value: Any) -> None:
     elif name in CHOICES:
         if value not in CHOICES[name]:
             raise ValueError(f"{where} is {shortened(value)}; give {' or '.join(CHOICES[name])}")
+    elif name == "negatives":
+        if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
+            raise ValueError(f"{where} is {shortened(value)}; give a list of classes, such as [\"rounded_stone\"]")
+    elif name == "negative_class":
+        if not isinstance(value, str):
+            raise ValueError(f"{where} is {shortened(value)}; give the name of a class, such as \"clutter\"")
     elif name == "smallest":
         whole(value, where, 1, LARGEST_TILE)
     elif name == "cell":

@@ -8,13 +8,14 @@ import bisect
 import hashlib
 import itertools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from statistics import NormalDist
 from typing import Any, TypeGuard
 
 MOST_VALUES = 1_000_000
 LONGEST_TEXT = 1000
+MOST_LISTED = 1000                 # integers that are listed as choices
 LARGEST_WHOLE = 1 << 53            # exact in every reader of JSON
 DIGITS = 12                        # of computed values: ample for a sonar, and avoids 0.30000000000000004
 
@@ -25,7 +26,9 @@ class Draw:
 
     what: str  # its name in the plan
     at: Callable[[int], Any]  # value for an integer of 256 random bits
-    choices: tuple = ()  # all possible values; empty for continuous distributions and integers
+    quantile: Callable[[float], Any]  # value below which a fraction between 0 and 1 of the draws lies
+    choices: tuple = ()  # all possible values; empty for continuous distributions and many integers
+    stratified: bool = False  # its bits are those of `strata.stratified_bits`
 
 
 def value(given: object, where: str) -> Any:
@@ -59,7 +62,7 @@ def draw(given: object, where: str) -> Draw:
     kinds = [name for name in given if name in DISTRIBUTIONS] if isinstance(given, dict) else []
     if not isinstance(given, dict) or len(kinds) != 1:
         raise ValueError(f"{where} is {shortened(given)}; give one of {', '.join(DISTRIBUTIONS)}, "
-                         "such as { uniform = [1, 2] }")
+                         "of and when, such as { uniform = [1, 2] }")
     kind, rest = kinds[0], {name: item for name, item in given.items() if name != kinds[0]}
     unknown = [name for name in rest if (kind, name) != ("choice", "weights")]
     if unknown:
@@ -122,7 +125,7 @@ def _range(given, where):
         shares = [k / max(count - 1, 1) for k in range(count)]
         if scale == "log":
             low, high = math.log(first), math.log(last)
-            return (first, *(_rounded(math.exp(low + (high - low) * share)) for share in shares[1:-1]), last)[:count]
+            return (first, *(rounded(math.exp(low + (high - low) * share)) for share in shares[1:-1]), last)[:count]
         return (first, *(_tidy(first + (last - first) * share, first, last) for share in shares[1:-1]), last)[:count]
     step = number(given["step"], f"{where}: step")
     if step == 0 or not 0 <= (last - first) / step < MOST_VALUES:
@@ -134,17 +137,18 @@ def _range(given, where):
 
 def _tidy(computed, *given):
     """Return a rounded number, as an integer if it and all given numbers are integers."""
-    computed = _rounded(computed)
+    computed = rounded(computed)
     return int(computed) if computed.is_integer() and all(isinstance(item, int) for item in given) else computed
 
 
-def _rounded(computed):
+def rounded(computed: float) -> float:
+    """Return a computed number to the digits that values of a plan have."""
     return float(f"{computed:.{DIGITS}g}")
 
 
 def _uniform(given, where):
     low, high = _pair(given, where, "the lowest and the highest number")
-    return Draw(what="uniform", at=lambda bits: _rounded(low + (high - low) * fraction(bits)))
+    return _continuous("uniform", lambda share: low + (high - low) * share)
 
 
 def _log_uniform(given, where):
@@ -152,28 +156,37 @@ def _log_uniform(given, where):
     if low <= 0:
         raise ValueError(f"{where} is from {low}; give numbers above 0")
     low, high = math.log(low), math.log(high)
-    return Draw(what="log_uniform", at=lambda bits: _rounded(math.exp(low + (high - low) * fraction(bits))))
+    return _continuous("log_uniform", lambda share: math.exp(low + (high - low) * share))
 
 
 def _normal(given, where):
     mean, deviation = _pair(given, where, "mean and standard deviation", ordered=False)
     if deviation <= 0:
         raise ValueError(f"{where} has the standard deviation {deviation}; give one above 0")
-    curve = NormalDist(mean, deviation)
-    return Draw(what="normal", at=lambda bits: _rounded(curve.inv_cdf(fraction(bits))))
+    return _continuous("normal", NormalDist(mean, deviation).inv_cdf)
 
 
 def _integer(given, where):
     low, high = _pair(given, where, "the lowest and the highest whole number")
     if not (isinstance(low, int) and isinstance(high, int)):
         raise ValueError(f"{where} is {shortened(given)}; give whole numbers")
-    return Draw(what="integer", at=lambda bits: low + bits % (high - low + 1))
+    count = high - low + 1
+    return Draw(what="integer", at=lambda bits: low + bits % count,
+                quantile=lambda share: low + math.floor(count * share),
+                choices=tuple(range(low, high + 1)) if count <= MOST_LISTED else ())
 
 
 def _choice(given, where, weights=None):
     choices = axis(given, where)
     if weights is None:
-        return Draw(what="choice", at=lambda bits: choices[bits % len(choices)], choices=choices)
+        return Draw(what="choice", at=lambda bits: choices[bits % len(choices)], choices=choices,
+                    quantile=lambda share: choices[math.floor(len(choices) * share)])
+    chosen = weighted(choices, weights, where)
+    return Draw(what="choice", at=lambda bits: chosen(fraction(bits)), quantile=chosen, choices=choices)
+
+
+def weighted(choices: Sequence[Any], weights: object, where: str) -> Callable[[float], Any]:
+    """Return a function from a fraction between 0 and 1 to one of the choices, in proportion to their weights."""
     if not isinstance(weights, list) or len(weights) != len(choices):
         raise ValueError(f"{where} has {len(choices)} values and the weights {shortened(weights)}; give a weight each")
     weights = [number(weight, f"{where}: weights") for weight in weights]
@@ -183,10 +196,15 @@ def _choice(given, where, weights=None):
     ends = [end / total for end in itertools.accumulate(weights)]
     last = max(k for k, weight in enumerate(weights) if weight > 0)     # if rounding keeps the ends below 1
 
-    def chosen(bits: int) -> Any:
-        return choices[min(bisect.bisect_right(ends, fraction(bits)), last)]
+    def chosen(share: float) -> Any:
+        return choices[min(bisect.bisect_right(ends, share), last)]
 
-    return Draw(what="choice", at=chosen, choices=choices)
+    return chosen
+
+
+def _continuous(what, quantile):
+    return Draw(what=what, at=lambda bits: rounded(quantile(fraction(bits))),
+                quantile=lambda share: rounded(quantile(share)))
 
 
 DISTRIBUTIONS = {"uniform": _uniform, "log_uniform": _log_uniform, "normal": _normal, "choice": _choice,

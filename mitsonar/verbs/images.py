@@ -5,7 +5,7 @@ import importlib.metadata
 import operator
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 import mitsuba as mi
 import numpy as np
@@ -15,31 +15,26 @@ from mitsonar.device import llvm
 from mitsonar.device.files import FilePath
 from mitsonar.device.spelling import meant
 from mitsonar.device.turns import one_at_a_time
-from mitsonar.hydrography.record import joined
 from mitsonar.io import casts
 from mitsonar.io.grids.separation import Separation
 from mitsonar.io.records.records import SonarImage, SonarSignals, not_all_nan
 from mitsonar.io.tracks import tides
 from mitsonar.io.tracks.tides import Tide
-from mitsonar.propagation.returns.vector_approximation import DIFFERENCES
 from mitsonar.scene.alterations import altered
 from mitsonar.scene.errors import as_exception
 from mitsonar.scene.loading import load_file, prepare
-from mitsonar.signal.impulses import KERNELS, make_kernel
 from mitsonar.survey.integrator import SoundIntegrator, integrator_of
 from mitsonar.survey.kinds import check_frames, sounder_kind_of
-from mitsonar.survey.pressure.array_survey import ArraySurvey
-from mitsonar.survey.pressure.pressure import PressureRecord
-from mitsonar.survey.pressure.signals import LEAD, pair_responses, received_signals
 from mitsonar.survey.sensor import Sensor, sonar_of
-from mitsonar.survey.soundings.heights import DepthReference
-from mitsonar.survey.soundings.line import SoundingLine
-from mitsonar.survey.soundings.survey import SoundedSurvey
-from mitsonar.survey.survey import Survey
 from mitsonar.version import __version__
 from mitsonar.water.profile import SoundSpeedProfile
 
-RETURN_PATHS = (*DIFFERENCES, "eigenray")
+if TYPE_CHECKING:                                        # of kinds of sonar that a scene may not have
+    from mitsonar.survey.pressure.array_survey import ArraySurvey
+    from mitsonar.survey.soundings.heights import DepthReference
+    from mitsonar.survey.soundings.survey import SoundedSurvey
+    from mitsonar.survey.survey import Survey
+
 MOST_SNIPPETS = 10_000
 SEEDS = 1 << 32                    # Mitsuba accepts no other seeds
 
@@ -176,6 +171,10 @@ def impulse_response(scene: mi.Scene | FilePath, ping: int | Sequence[int] = 0, 
     ValueError
         If scene and sensor do not fit together, the ping does not exist, or kernel or return path is unknown.
     """
+    from mitsonar.signal.impulses import make_kernel
+    from mitsonar.survey.pressure.pressure import PressureRecord
+    from mitsonar.survey.pressure.signals import pair_responses
+
     _check_names(kernel, return_path)
     seed = checked_seed(seed)
     scene, sonar, integrator = opened(scene, sensor, parameters)
@@ -224,6 +223,9 @@ def element_signals(scene: mi.Scene | FilePath, ping: int | Sequence[int] = 0, k
         As in `impulse_response`, or if the sampling rate is below the pulse's bandwidth, or the pulse is longer than
         the record.
     """
+    from mitsonar.survey.pressure.pressure import PressureRecord
+    from mitsonar.survey.pressure.signals import LEAD, received_signals
+
     _check_names(kernel, return_path)
     seed = checked_seed(seed)
     scene, sonar, integrator = opened(scene, sensor, parameters)
@@ -273,6 +275,8 @@ def soundings(scene: mi.Scene | FilePath, seed: int = 0, profile: SoundSpeedProf
     FileNotFoundError, ValueError, TypeError
         As in `render`, or if the sensor makes no soundings, or the profile's file is not a cast.
     """
+    from mitsonar.hydrography.record import joined
+
     total: list[int] = []
     pings = []
     scene = opened(scene, sensor, parameters)[0]
@@ -294,6 +298,8 @@ def sounder(scene: mi.Scene | FilePath, seed: int = 0, profile: SoundSpeedProfil
 
     Arguments and errors are as in `soundings`. A ping does not depend on which others are made.
     """
+    from mitsonar.survey.soundings.line import SoundingLine
+
     seed = checked_seed(seed)
     samples, profile = checked_snippets(snippets), read_profile(profile)
     by = read_reference(tide, separation, heights)
@@ -303,7 +309,7 @@ def sounder(scene: mi.Scene | FilePath, seed: int = 0, profile: SoundSpeedProfil
         survey = integrator.survey(scene, sonar, seed)
         own = sonar.own_seed(seed)
         instrument = kind.instrument(survey, own, column=column, snippets=samples)
-        line = SoundingLine(cast(SoundedSurvey, survey), instrument, own, profile=profile, by=by)
+        line = SoundingLine(cast("SoundedSurvey", survey), instrument, own, profile=profile, by=by)
     except RuntimeError as error:
         raise as_exception(error) from error
     origin = {**provenance(scene, sonar, survey), "seed": seed}
@@ -378,6 +384,8 @@ def read_profile(profile: SoundSpeedProfile | FilePath | None) -> SoundSpeedProf
 def read_reference(tide: float | FilePath | None, separation: float | FilePath | None = None,
                    heights: str = "tide") -> DepthReference:
     """Return what depths are reduced with, from constants [m] or files."""
+    from mitsonar.survey.soundings.heights import DepthReference
+
     return DepthReference(tide=read_tide(tide), separation=read_separation(separation), heights=heights)
 
 
@@ -429,7 +437,11 @@ def _with_attributes(array: xr.DataArray, **attributes: object) -> SonarSignals:
 
 
 def _check_names(kernel: str, return_path: str) -> None:
-    for name, value, known in (("kernel", kernel, KERNELS), ("return_path", return_path, RETURN_PATHS)):
+    from mitsonar.propagation.returns.vector_approximation import DIFFERENCES
+    from mitsonar.signal.impulses import KERNELS
+
+    return_paths = (*DIFFERENCES, "eigenray")
+    for name, value, known in (("kernel", kernel, KERNELS), ("return_path", return_path, return_paths)):
         if value not in known:
             raise ValueError(f"{name} is {value!r}{meant(value, known)}; choose one of {', '.join(known)}")
 

@@ -32,7 +32,10 @@ def triangulate(x: np.ndarray, y: np.ndarray, heights: np.ndarray, to_world: np.
     rows, columns = heights.shape
     index = np.arange(rows * columns, dtype=np.uint32).reshape(rows, columns)
     here, east, north, across = index[:-1, :-1], index[:-1, 1:], index[1:, :-1], index[1:, 1:]
-    faces = np.stack((here, east, north, east, across, north), axis=-1).reshape(-1, 3)
+    faces = np.empty((rows - 1, columns - 1, 6), np.uint32)
+    for corner, node in enumerate((here, east, north, east, across, north)):
+        faces[..., corner] = node
+    faces = faces.reshape(-1, 3)
     cells = np.repeat(np.arange((rows - 1) * (columns - 1), dtype=np.uint32), 2)
     valid = np.isfinite(heights).ravel()
     if not valid.all():
@@ -43,16 +46,25 @@ def triangulate(x: np.ndarray, y: np.ndarray, heights: np.ndarray, to_world: np.
         faces = (np.cumsum(used, dtype=np.uint32) - np.uint32(1))[faces]
     else:
         used = slice(None)
-    place = np.empty((rows * columns, 3))
-    place[:, 0], place[:, 1] = np.tile(x, rows), np.repeat(y, columns)
-    place[:, 2] = np.ravel(heights)
-    place = place[used]
     # u and v before the transform: they belong to the grid.
-    texcoords = ((place[:, :2] - (x[0], y[0])) / (x[-1] - x[0], y[-1] - y[0])).astype(np.float32)
-    vertices = (place @ to_world[:3, :3].T + to_world[:3, 3]).astype(np.float32)
+    texcoords = _nodes((x - x[0]) / (x[-1] - x[0]), (y - y[0]) / (y[-1] - y[0]))[used]
+    if np.array_equal(to_world[:3, :3], np.eye(3)):
+        vertices = _nodes(*(axis + shift for axis, shift in zip((x, y, heights), to_world[:3, 3])))[used]
+    else:
+        place = _nodes(x, y, heights, kind=np.float64)[used]
+        vertices = (place @ to_world[:3, :3].T + to_world[:3, 3]).astype(np.float32)
     if np.linalg.det(to_world[:3, :3]) < 0:
         faces = faces[:, ::-1]  # a mirrored mesh keeps its outside outside
     return GridMesh(vertices, faces, texcoords, cells)
+
+
+def _nodes(x: np.ndarray, y: np.ndarray, *others: np.ndarray, kind: type = np.float32) -> np.ndarray:
+    """Return values at the nodes of a grid (Y X, 2 or more): one that depends on x, one on y, others (Y, X)."""
+    nodes = np.empty((y.size, x.size, 2 + len(others)), kind)
+    nodes[..., 0], nodes[..., 1] = x, y[:, None]
+    for column, values in enumerate(others, 2):
+        nodes[..., column] = values
+    return nodes.reshape(-1, nodes.shape[-1])
 
 
 def fill(mesh: mi.Mesh, grid: GridMesh) -> None:

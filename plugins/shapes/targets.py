@@ -14,6 +14,7 @@ one of 24 stones of about a metre, so that ``scale`` is its length in metres.
         <ref id="steel"/>
     </shape>
 """
+import functools
 import os
 import warnings
 import zlib
@@ -23,6 +24,7 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.io.scene_files import meshes
+from mitsonar.io.scene_files.mesh_lists import MeshStatement, statement
 from mitsonar.scene.errors import plain
 from mitsonar.scene.protocols import is_seabed, strewn_shape
 from mitsonar.seabed.bed import Bed
@@ -37,12 +39,14 @@ from .grid_mesh import MATERIAL, GridMesh, fill
 from .scoured import SCOUR, cut, mesh_arrays, scour_of, vertices_before
 
 MOST_FACES = 5_000_000
+SMALL, MOST_KEPT = 1_000_000, 64   # bytes of a mesh file that is kept, and number of those
 SPECK = 0.001                      # [m] side of the one buried triangle of a shape without targets
 
 ATTRIBUTES = (
     Files("meshes", default=None, otherwise="needed but for stones",
           text='folder of `.ply` and `.obj` files beside the scene, or "mine.ply, rock.obj": metres, z up, '
-               "front to +y, the origin anywhere; their names are species"),
+               "front to +y, the origin anywhere, unless meshes.toml beside them states other units; their names are "
+               "species"),
     Text("species", default=None, otherwise="all",
          text='species to use: "cylinder, tyre", or stones that need no mesh: "rounded_stone, angular_stone"'),
     Numbers("weights", default=None, otherwise="alike", text='relative frequency of each species: "3, 1"'),
@@ -90,7 +94,8 @@ class Targets(mi.Mesh):
                          next((shape for shape in shapes if strewn_shape(shape) is None), None))
         if bed_shape is None:
             raise attributes.error('a seabed is missing; refer to one: <ref id="seabed"/>.')
-        species = _species(attributes)
+        self.mesh_sources: dict[str, tuple[str, MeshStatement]] = {}       # path and statement by species
+        species = _species(attributes, self.mesh_sources)
         if rules.weights is not None and len(rules.weights) != len(species):
             raise attributes.error(f"weights are {len(rules.weights)} numbers for {len(species)} species "
                                    f"({', '.join(kind[0].name for kind in species)}); give one each.")
@@ -119,7 +124,9 @@ class Targets(mi.Mesh):
         if scour is not None:
             marks = [Footprint.of(target.vertices, target.body.faces, target.position[2]) for target in targets]
             cut(attributes, bed_shape, scour, [mark for mark in marks if mark is not None])
-        self.part_names = tuple(f"{target.body.name}.{identity}.{target.number}" for target in targets)
+        classes = {name: source.class_name or name for name, (_, source) in self.mesh_sources.items()}
+        self.part_names = tuple(f"{classes.get(target.body.name, target.body.name)}.{identity}.{target.number}"
+                                for target in targets)
         self.placed = {name: _record_of(target) for name, target in zip(self.part_names, targets)}
         if targets:
             mesh = _joined(targets)
@@ -160,7 +167,7 @@ def _check_box(attributes, name, box):
 
 
 def _files(attributes, text):
-    """Return the paths of the meshes by species, sorted for a folder."""
+    """Return the paths of the meshes and the SHA-256 of their content by species, sorted for a folder."""
     folder = resolved(text.strip())
     try:
         if not text.strip():
@@ -172,22 +179,22 @@ def _files(attributes, text):
                              "where you are")
         else:
             paths = [resolved(name.strip()) for name in text.split(",")]
-        for path in paths:
-            meshes.check_target(path)
+        contents = [meshes.check_target(path) for path in paths]
     except (ValueError, OSError) as error:
         raise attributes.error(f"{error}.") from None
     known = {}
-    for path in paths:
+    for path, content in zip(paths, contents):
         stem = os.path.splitext(os.path.basename(path))[0]
         if "." in stem or stem in known:
-            said = "has a dot in its name, where its class would end" if "." in stem else f"is called as {known[stem]}"
+            said = ("has a dot in its name, where its class would end" if "." in stem
+                    else f"is called as {known[stem][0]}")
             raise attributes.error(f"the mesh {path} {said}; rename it.")
-        known[stem] = path
+        known[stem] = path, content
     return known
 
 
-def _species(attributes):
-    """Return the bodies of each species in use, one or many."""
+def _species(attributes, sources):
+    """Return the bodies of each species in use, one or many, and add paths and statements of meshes to ``sources``."""
     names = [name.strip() for name in (attributes.species or "").split(",") if name.strip()]
     if attributes.meshes is None and not (names and set(names) <= set(KINDS)):
         raise attributes.error(f"meshes is missing; give a folder or files, or species that need none: "
@@ -195,7 +202,7 @@ def _species(attributes):
     files = {} if attributes.meshes is None else _files(attributes, attributes.meshes)
     taken = [name for name in KINDS if name in files]
     if taken:
-        raise attributes.error(f"the mesh {files[taken[0]]} has the name of the stones {taken[0]}; rename it.")
+        raise attributes.error(f"the mesh {files[taken[0]][0]} has the name of the stones {taken[0]}; rename it.")
     names = names or list(files)
     unknown = [name for name in names if name not in (*files, *KINDS)]
     if unknown:
@@ -203,22 +210,35 @@ def _species(attributes):
                                f'there are {" and ".join(KINDS)}.')
     if len(set(names)) < len(names):
         raise attributes.error("species names one twice; to have it drawn more often, give weights.")
-    return [stones(name) if name in KINDS else (_body(attributes, files[name]),) for name in names]
-
-
-def _body(attributes, path):
-    """Read a mesh by Mitsuba's own reader."""
-    stem, suffix = os.path.splitext(os.path.basename(path))
     try:
-        mesh = mi.load_dict({"type": suffix[1:].lower(), "filename": path}, parallel=False, optimize=False)
+        sources.update({name: (files[name][0], statement(files[name][0])) for name in names if name in files})
+    except (ValueError, OSError) as error:
+        raise attributes.error(f"{error}.") from None
+    return [stones(name) if name in KINDS else (_body(attributes, files[name][0], files[name][1], sources[name][1]),)
+            for name in names]
+
+
+def _body(attributes, path, content, stated):
+    """Return the body of a mesh file; a small one is kept for the next scenes, as its hull takes longer than reading.
+    """
+    try:
+        return (_kept if os.path.getsize(path) < SMALL else _read)(path, content, stated)
     except (RuntimeError, UnicodeDecodeError) as error:
         said = plain(error).removeprefix('object "root": ')
         raise attributes.error(f"the mesh {path} cannot be read ({said}); export it again, in triangles.") from None
-    try:
-        vertices, faces = mesh_arrays(mesh)
-        return Body(name=stem, vertices=vertices, faces=faces)
     except ValueError as error:
         raise attributes.error(f"{error}.") from None
+
+
+def _read(path, content, stated):
+    """Read a mesh by Mitsuba's own reader."""
+    stem, suffix = os.path.splitext(os.path.basename(path))
+    mesh = mi.load_dict({"type": suffix[1:].lower(), "filename": path}, parallel=False, optimize=False)
+    vertices, faces = mesh_arrays(mesh)
+    return Body(name=stem, vertices=stated.placed(vertices), faces=faces)
+
+
+_kept = functools.lru_cache(maxsize=MOST_KEPT)(_read)                  # by path, content and statement
 
 
 def _bed(attributes, shape):

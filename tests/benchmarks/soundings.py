@@ -2,6 +2,7 @@
 
     python tests/benchmarks/soundings.py                           two instruments at 50 m, with and without the water
     python tests/benchmarks/soundings.py --against ../other        the same, ping by ping in turn with that checkout
+    python tests/benchmarks/soundings.py --wide                    512 beams, 140 degrees, 2.5 million nodes of a bed
     python tests/benchmarks/soundings.py --pings 1000 -o a.kmall   seconds a ping and memory over a line that is written
 
 Each checkout is one process an instrument; the first ping, which compiles kernels, counts as its start. CPU seconds are
@@ -14,6 +15,7 @@ import os
 import resource
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -22,6 +24,10 @@ import numpy as np
 
 PRESETS = "shallow_400khz", "shallow_300khz_three_sectors"
 SETTINGS = {"depth": 50, "slope_deg": 0, "range": 110}
+WIDE = {"swath_deg": 140, "range": 160, "ping_rate": 4}
+WIDE_BED = {'name="length" value="120"': 'name="length" value="320"', 'name="width" value="200"':
+            'name="width" value="320"', 'name="spacing" value="0.25"': 'name="spacing" value="0.2"',
+            '<integer name="pings"': '<integer name="beams" value="512"/> <integer name="pings"'}
 KINDS = {"soundings": False, "with the water": True}
 PARTS = {"echoes": ("survey.beam_domain.frames", "lay"),
          "beams": ("signal.beam_grid.line_beams", "LineBeams.form_each"),
@@ -37,6 +43,7 @@ def main(argv=None):
     parser.add_argument("--preset", action="append", help="default: " + ", ".join(PRESETS))
     parser.add_argument("-D", dest="parameters", action="append", default=[], metavar="NAME=VALUE",
                         help="of scenes/multibeam.xml; default: a level bed at 50 m")
+    parser.add_argument("--wide", action="store_true", help="512 beams over 140 degrees, a bed of 1600 x 1600 nodes")
     parser.add_argument("--rounds", type=int, default=6, help="pings that are timed; default 6")
     parser.add_argument("--pings", type=int, help="sound so many instead, and tell the memory on the way")
     parser.add_argument("-o", "--output", default=os.devnull, help="file of these; default: none")
@@ -53,8 +60,19 @@ def scene_of(arguments, preset, pings):
     """Load the scene with an instrument."""
     import mitsonar
 
-    settings = {**SETTINGS, **dict(one.split("=", 1) for one in arguments.parameters)}
-    return mitsonar.load_file(measuring.ROOT / "scenes" / "multibeam.xml", preset=preset, pings=pings, **settings)
+    settings = {**SETTINGS, **(WIDE if arguments.wide else {}),
+                **dict(one.split("=", 1) for one in arguments.parameters)}
+    scenes = measuring.ROOT / "scenes"
+    text = (scenes / "multibeam.xml").read_text()
+    for old, new in WIDE_BED.items() if arguments.wide else ():
+        assert old in text
+        text = text.replace(old, new)
+    with tempfile.TemporaryDirectory() as folder:
+        for name in ("casts", "meshes"):
+            (Path(folder) / name).symlink_to(scenes / name)
+        path = Path(folder) / "multibeam.xml"
+        path.write_text(text)
+        return mitsonar.load_file(path, preset=preset, pings=pings, **settings)
 
 
 def work(arguments):
@@ -114,7 +132,8 @@ def compare(arguments):
 
 def costs(arguments, preset, checkouts):
     """Seconds of all pings by checkout and kind, (1 + rounds, 2 + parts)."""
-    options = [f"--preset={preset}", f"--rounds={arguments.rounds}", *(f"-D{one}" for one in arguments.parameters)]
+    options = [f"--preset={preset}", f"--rounds={arguments.rounds}", *(f"-D{one}" for one in arguments.parameters),
+               *(["--wide"] if arguments.wide else [])]
     workers = {name: subprocess.Popen([sys.executable, __file__, f"--worker={root}", *options], text=True,
                                       stdin=subprocess.PIPE, stdout=subprocess.PIPE,
                                       env={**os.environ, "PYTHONPATH": str(root)})

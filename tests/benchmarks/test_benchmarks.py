@@ -37,6 +37,7 @@ RUNS = {
     "focusing": (["focusing.py", "--side", "0.4", "--receivers", "4", "--spacing", "0.02", "--rounds", "1"],
                  "20 mm, a thermocline"),
     "frame_errors": (["frame_errors.py", "--quick", "bed"], "mean |beam|²"),
+    "killed_parts": (["killed_parts.py", "--samples", "2", "--kills", "1", "--longest", "3"], "manifest are the same"),
     "moving": (["moving.py", "--frames", "1", "--beams", "32"], "moving"),
     "on_the_fly": (["on_the_fly.py", "--images", "3", "--workers", "0"], "images a second"),
     "frame": (["frame.py", *FRAME, "--rounds", "1"], "picture, this checkout"),
@@ -54,6 +55,7 @@ RUNS = {
     "profile_from_soundings": (["profile_from_soundings.py", "--quick"], "mean only"),
     "soundings": (["soundings.py", "--preset", "shelf_80khz", "-Ddepth=12", "-Drange=40", "-Dswath_deg=120",
                    "--rounds", "1"], "shelf_80khz, with the water"),
+    "starts": (["starts.py", "--rounds", "1", "--only", "describe"], "kept"),
     "survey": (["ping.py", *SMALL, "--rays", "4000", "--survey", "4"], "peak [MB]"),
 }
 

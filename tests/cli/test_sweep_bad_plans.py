@@ -102,7 +102,8 @@ def test_spoilt_plans(folder, refusal, text, says):
 
 
 @pytest.mark.parametrize("name, content, says", [
-    ("none.toml", None, "none.toml does not exist; give the path of a TOML file or one of: divers, gallery, minefield"),
+    ("none.toml", None, "none.toml does not exist; give the path of a TOML file or one of: divers, "
+                        "divers_and_boxes, focused_targets, gallery, minefield, mines_and_wrecks"),
     ("b.toml", b"\xff\xfe\x00", "is not a text file; give a TOML file"),
     ("d.toml", "a folder", "d.toml is no file"),
 ])

@@ -159,7 +159,7 @@ def test_samples_hold_no_exr_and_any_exr_is_made_again(plan, capfd):
     capfd.readouterr()
     assert cli.main(["shards", "set", "-o", "shards", "--size", "1", "--title", "Boxes"]) == 0
     out, err = capfd.readouterr()
-    assert out == "shards\n" and err == "5 records in 1 shard\n"
+    assert out == "shards\n" and err.startswith("5 records in 1 shard\nset: 5 pictures, ")
     assert {path.name for path in (plan / "shards").iterdir()} >= {"train-00000.tar", "README.md", "index.parquet",
                                                                    "croissant.json"}
     (plan / "plan.toml").write_text(text + "threshold = 0.4\n", encoding="utf-8")       # another rule, other samples

@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 from labelled_sidescan import labelled
 
+from mitsonar.dataset import open as open_images
 from mitsonar.dataset.labels import Labels, deal, find_sources, read_shares, write
 from mitsonar.io.records import exr
 
@@ -106,3 +107,35 @@ def test_the_split_on_disk_holds_for_every_format(tmp_path):
         assert (tmp_path / f"out/{subset}.txt").read_text().split() == [f"./images/{name}" for name in names]
     write(folder, tmp_path / "by", Labels(coco=True, split={"train": 0.25, "val": 0.75}, split_by="range"))
     assert len(json.loads((tmp_path / "by/split.json").read_text())["images"]["val"]) == 3
+
+
+def test_the_split_of_a_plan_is_taken_where_images_have_one(tmp_path):
+    homes = {"a": "val", "b": "val", "c": "train", "d": "train"}
+    folder = sweep(tmp_path / "s", [{**done(name), "split": home} for name, home in homes.items()])
+    write(folder, tmp_path / "out", Labels(coco=True, yolo="boxes"))
+    split = json.loads((tmp_path / "out/split.json").read_text())
+    assert (split["by"], split["shares"]) == ("plan", {"train": 0.5, "val": 0.5})
+    assert split["images"] == {"train": ["c.png", "d.png"], "val": ["a.png", "b.png"]}
+    assert split["groups"] == {"train": ["two"], "val": ["one"]}
+    assert sorted(path.name for path in (tmp_path / "out").glob("annotations*")) == ["annotations_train.json",
+                                                                                   "annotations_val.json"]
+    subsets = open_images(folder).split()
+    assert {name: list(subset.names) for name, subset in subsets.items()} == {"train": ["c", "d"], "val": ["a", "b"]}
+    own = open_images(folder).split("train=0.5,test=0.5")                  # one's own shares come first
+    assert set(own) == {"train", "test"}
+
+
+def test_images_of_which_only_some_have_a_planned_subset_are_refused(tmp_path):
+    folder = sweep(tmp_path / "s", [done("a"), {**done("b"), "split": "val"}, done("c"), done("d")])
+    with pytest.raises(ValueError, match="1 of 4 images have a subset from the split of their plan"):
+        write(folder, tmp_path / "out", Labels(coco=True))
+    with pytest.raises(ValueError, match="has no \\[split\\]; give shares"):
+        open_images(sweep(tmp_path / "t", [done("a")])).split()
+    strange = sweep(tmp_path / "u", [done("a"), {**done("b"), "split": "../x"}])
+    assert [source.name for source in find_sources(strange)] == ["a"]      # a damaged line
+
+
+def test_a_seabed_in_two_planned_subsets_is_told(tmp_path):
+    folder = sweep(tmp_path / "s", [{**done("a"), "split": "val"}, {**done("b"), "split": "train"}])
+    with pytest.warns(UserWarning, match="1 seabed is in several subsets of the plan; let group"):
+        open_images(folder).split()

@@ -99,6 +99,7 @@ def test_shards_hold_every_sample_once_in_mixed_order_and_keep_seabeds_apart(swe
         sample.path.stem for shard in shards if shard.subset == "val" for sample in shard.samples}
     assert table[0]["count_box"] == 1 and table[0]["parameter_preset"] == "a" and table[0]["instruction_set"] == "AVX2"
     card = (tmp_path / "set" / "README.md").read_text(encoding="utf-8")
+    assert re.search(r"\npython3 -m mitsonar render \S+ -D bed=\d -D preset=a --seed \d+ -o record\.exr\n", card)
     assert "license: cc-by-4.0" in card and "| train | 6 | 6 | 6 |" in card and "| bed | 0 to 3, median 1.5 |" in card
     croissant = json.loads((tmp_path / "set" / "croissant.json").read_text(encoding="utf-8"))
     assert {file["name"]: file["sha256"] for file in croissant["distribution"]}["train-00000.tar"] == sha256(
@@ -129,6 +130,20 @@ def test_a_split_by_a_parameter_keeps_its_values_apart(sweep, tmp_path):
     assert [len(bed) for bed in beds] == [3, 1] and not beds[0] & beds[1]
     with pytest.raises(ValueError, match="has no scene parameter colour; it was given bed, preset"):
         write_shards([sweep], tmp_path / "other", shares=read_shares("train=0.5,val=0.5"), by="colour")
+
+
+def test_the_split_of_a_plan_names_shards(sweep, tmp_path):
+    import shutil
+
+    shutil.copytree(sweep, tmp_path / "sweep")
+    path, homes = tmp_path / "sweep" / "manifest.jsonl", ["train", "train", "val", "test"]
+    lines = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+    path.write_text("".join(json.dumps({**line, "split": homes[line["parameters"]["bed"]]}) + "\n" for line in lines),
+                    encoding="utf-8")
+    with pytest.warns(UserWarning, match="1 seabed is in several"):        # of "bed 4", images 8 and 9
+        shards = write_shards([tmp_path / "sweep"], tmp_path / "set")
+    assert {shard.name: sorted(sample.record["index"] for sample in shard.samples) for shard in shards} == {
+        "train-00000.tar": [0, 1, 2, 3, 4, 5], "val-00000.tar": [6, 7, 8], "test-00000.tar": [9, 10, 11]}
 
 
 @pytest.mark.parametrize("spoil, said", [
@@ -200,8 +215,10 @@ def test_samples_without_pictures_are_left_out_of_a_split(tmp_path):
     assert not (tmp_path / "none").exists()
 
 
-@pytest.mark.parametrize("about", [{"counts": []}, {"counts": {"box": "many"}}, {"width": None}, {"height": 1 << 40},
-                                   {"seabed": "\ud800"}])
+@pytest.mark.parametrize("about", [{"negatives": [1]}, {"negatives": {"a": "b"}}, {"negative_class": 5},
+                                   {"meshes": [{"mesh": "a"}]}, {"meshes": 5}, {"counts": []},
+                                   {"counts": {"box": "many"}}, {"width": None},
+                                   {"height": 1 << 40}, {"seabed": "\ud800"}])
 def test_a_picture_described_by_other_things_is_refused(tmp_path, about):
     (tmp_path / "sweep").mkdir()
     with pytest.raises(ValueError, match=r"0\.json does not describe a picture"):
@@ -237,6 +254,48 @@ def test_odd_names_stay_in_their_cells(tmp_path):
     for words in ({"title": "a\n---\nb"}, {"authors": 5}):
         with pytest.raises(ValueError, match="give a text of one line"):
             check_words(words)
+
+
+def test_the_card_says_what_was_asked_for_and_what_there_is(tmp_path, capfd):
+    from mitsonar.cli import main as cli
+
+    (tmp_path / "sweep").mkdir()
+    wishes = {"images": {"box": 2}, "boxes": {"stone|": 0.9}, "empty": 0.5}
+    hostile(tmp_path / "sweep", [{"balance": {"empty": 1}}, {"balance": wishes}], counts={"box": 1, "box shadow": 1},
+            negatives={"stone|": 3, "tyre": 0})
+    assert cli.main(["shards", str(tmp_path / "sweep"), "-o", str(tmp_path / "set")]) == 0
+    err = capfd.readouterr().err
+    assert "2 pictures, 0 without objects; boxes in pictures: box 2 in 2, stone| 6 in 2" in err
+    assert "pictures without objects: 0 of 2, 0.0%; asked for 50.0%" in err and "pictures with box" not in err
+    card = (tmp_path / "set" / "README.md").read_text(encoding="utf-8")
+    assert "| pictures with box | 2 | 2 of 2 | yes |" in card and "| boxes of stone\\| | 90.0% | 6 of 8 | no |" in card
+    import pyarrow.parquet as parquet
+
+    assert parquet.read_table(tmp_path / "set" / "index.parquet").to_pylist()[0]["negative_stone|"] == 3
+
+
+def test_meshes_stand_on_the_card_and_those_without_licence_in_a_warning(tmp_path, capfd):
+    import pyarrow.parquet as parquet
+
+    from mitsonar.cli import main as cli
+
+    (tmp_path / "sweep").mkdir()
+    said = {"class": "mine", "author": "A|B", "source": "x", "sha256": "00"}
+    meshes = [{"mesh": "manta", "licence": "CC0-1.0", **said}, {"mesh": "rock", "licence": "not stated", **said}]
+    hostile(tmp_path / "sweep", [{}, {}], meshes=meshes)
+    assert cli.main(["shards", str(tmp_path / "sweep"), "-o", str(tmp_path / "set")]) == 0
+    assert "no licence is stated of 1 mesh: rock; state it in meshes.toml beside them" in capfd.readouterr().err
+    card = (tmp_path / "set" / "README.md").read_text(encoding="utf-8")
+    assert "| manta | mine | CC0-1.0 | A\\|B | x | 2 |" in card and "| rock | mine | not stated |" in card
+    assert parquet.read_table(tmp_path / "set" / "index.parquet").to_pylist()[0]["meshes"] == "manta, rock"
+    croissant = json.loads((tmp_path / "set" / "croissant.json").read_text(encoding="utf-8"))
+    assert {work["license"] for work in croissant["isBasedOn"]} == {"CC0-1.0", "not stated"}
+
+
+def test_a_manifest_with_an_impossible_balance_is_refused(tmp_path):
+    (tmp_path / "sweep").mkdir()
+    with pytest.raises(ValueError, match="balance that no plan can have: balance.full is unknown"):
+        write_shards([hostile(tmp_path / "sweep", [{"balance": {"full": 1}}])], tmp_path / "set")
 
 
 def test_columns_of_like_names_have_identifiers_of_their_own(tmp_path):

@@ -151,3 +151,12 @@ def test_what_makes_no_picture_is_refused_in_a_sentence():
             mitsonar.imaging.cartesian(record, cell=cell)
     with pytest.raises(ValueError, match="no variable 'depth' to draw"):
         mitsonar.imaging.cartesian(record, names=["depth"])
+
+
+def test_a_map_is_kept_for_the_next_image_of_the_same_fan_alone():
+    bearing, slant_range = np.linspace(-0.5, 0.5, 12), np.linspace(1, 4, 30)
+    grid = fan_grid(bearing, slant_range, 0.1)
+    first = fan_map(bearing, slant_range, grid)
+    assert fan_map(bearing.copy(), slant_range.copy(), fan_grid(bearing, slant_range, 0.1)) is first
+    farther = fan_map(bearing, slant_range + 0.5, grid)
+    assert farther.nearest.size != first.nearest.size

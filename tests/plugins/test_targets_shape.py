@@ -148,6 +148,23 @@ def test_meshes_may_be_files_of_either_kind(strewn, tmp_path):
     assert {told["species"] for told in shape.placed.values()} == {"mine"}
 
 
+def test_a_folder_states_class_units_and_axes_of_its_meshes(strewn, tmp_path):
+    """A tetrahedron of 400 mm whose file has y up stands as high as the same in metres, z up."""
+    corners = TETRAHEDRON.replace("0 0 1\n3", "0 2 0\n3")
+    (tmp_path / "peak.ply").write_text(corners.replace("1 0 0\n0 1 0\n0 2 0", "200 0 0\n0 0 -200\n0 400 0"))
+    (tmp_path / "meshes.toml").write_text('unit = "mm"\nup = "y"\n[peak]\nclass = "mine"\nlicence = "CC0-1.0"\n')
+    shape, scene = strewn(meshes=str(tmp_path), count=3, heading_deg="0")
+    assert shape.part_names == ("mine.mines.1", "mine.mines.2", "mine.mines.3")
+    vertices, _ = geometry_of(shape)
+    first = vertices[:4] - vertices[:4].min(axis=0)
+    np.testing.assert_allclose(first.max(axis=0), [0.2, 0.2, 0.4], atol=1e-5)
+    assert {entry["species"] for entry in shape.placed.values()} == {"peak"}
+    assert shape.mesh_sources["peak"][1].licence == "CC0-1.0"
+    (tmp_path / "meshes.toml").write_text("[peek]\n")
+    with pytest.raises(Exception, match=r'has the table \[peek\] \(did you mean "peak"\?\)'):
+        strewn(meshes=str(tmp_path), count=3)
+
+
 @pytest.mark.parametrize("attributes, said", [
     ({"meshes": "nowhere"}, 'meshes names "nowhere", which is no folder; it is looked for beside the scene'),
     ({"meshes": " "}, "meshes is empty; give a folder, or files"),
@@ -155,7 +172,7 @@ def test_meshes_may_be_files_of_either_kind(strewn, tmp_path):
     ({"meshes": "a.ply, b.stl"}, 'meshes names "a.ply, b.stl", which is no folder'),
     ({"species": "cylinder, mermaid"}, 'no species is called "mermaid"; meshes holds anchor, boulder'),
     ({"species": "tyre, tyre"}, "species names one twice"),
-    ({"weights": "1, 2"}, "weights are 2 numbers for 12 species (anchor, boulder"),
+    ({"weights": "1, 2"}, "weights are 2 numbers for 13 species (anchor, boulder"),
     ({"weights": "0, 0"}, "weights are not at least 0, one of them above"),
     ({"count": "3, 8.5"}, 'count is 3, 8.5; expected a whole number or two, "low, high", from 0 to 100000'),
     ({"count": -1}, "count is -1; expected a whole number"),
@@ -221,3 +238,22 @@ def test_a_folder_without_meshes_and_beds_that_are_none_are_refused(strewn, make
     assert 'a seabed is missing; refer to one: <ref id="seabed"/>' in said(
         lambda: make("targets", meshes=FOLDER, count=2))
     assert "is no mesh; refer to a seabed" in said(lambda: strewn(ground={"type": "sphere"}, count=2))
+
+
+def test_a_mesh_is_read_once_for_scenes_and_again_when_its_content_differs(strewn, tmp_path, monkeypatch):
+    # Same size and time, so that nothing but the content shows the change.
+    import os
+
+    from mitsonar.plugins.shapes import targets
+
+    read, path = [], tmp_path / "tetrahedron.ply"
+    monkeypatch.setattr(targets.mi, "load_dict", lambda d, load=targets.mi.load_dict, **kw: (
+        read.append(d["filename"]) if d["type"] == "ply" else None, load(d, **kw))[1])
+    heights = []
+    for text in (TETRAHEDRON, TETRAHEDRON, TETRAHEDRON.replace("0 0 1", "0 0 2")):
+        path.write_text(text)
+        os.utime(path, ns=(10**18, 10**18))
+        vertices, _ = geometry_of(strewn(count=1, meshes=str(path), seed=1)[0])
+        heights.append(float(np.ptp(vertices[:, 2])))
+    assert heights == pytest.approx([1, 1, 2], rel=1e-5)
+    assert len(read) == 2

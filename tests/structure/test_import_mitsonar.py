@@ -151,14 +151,44 @@ def test_every_module_can_be_imported_before_a_variant_is_set():
     assert python(code) == "imported"
 
 
-def test_a_scene_is_loaded_without_what_only_rendering_needs(tmp_path):
-    """xarray, SciPy's signals and splines and the kinds of sonar are two thirds of the time that a `describe` took."""
-    code = ("import sys, mitsonar; mitsonar.load_file(sys.argv[1]); print([name for name in ('xarray', 'scipy.signal', "
-            "'scipy.interpolate', 'mitsonar.survey.synthetic_aperture.kind') if name in sys.modules])")
+# A third of a second of CPU each, or more; pandas and SciPy's splines are what xarray and tracks are made with.
+HEAVY = ("xarray", "pandas", "dask", "matplotlib", "rasterio", "pyproj", "h5netcdf", "rich", "scipy.special",
+         "scipy.fft", "scipy.interpolate", "scipy.signal", "scipy.stats", "mitsonar.hydrography.detection.detection",
+         "mitsonar.survey.synthetic_aperture.kind", "mitsonar.survey.fan.kind", "mitsonar.survey.sidescan.kind")
+PICTURE = {"xarray", "pandas", "scipy.special", "scipy.fft", "scipy.interpolate", "mitsonar.survey.sidescan.kind"}
+MAY_IMPORT = {
+    ("describe", "scene.xml"): set(),
+    ("scenes",): set(),
+    ("render", "scene.xml", "-o", "out.exr"): PICTURE,
+    ("show", "scene.xml", "-o", "out.png"): PICTURE | {"matplotlib", "mitsonar.survey.fan.kind"},
+}
+
+
+@pytest.mark.parametrize("command", MAY_IMPORT, ids=lambda command: command[0])
+def test_a_command_imports_no_heavy_module_that_it_does_not_need(tmp_path, command):
     (tmp_path / "scene.xml").write_text(TEXT)
-    child = subprocess.run([sys.executable, "-c", code, str(tmp_path / "scene.xml")], capture_output=True, text=True,
-                           check=True)
-    assert child.stdout.strip() == "[]"
+    code = ("import sys; from mitsonar.device.lazy import begin_command; begin_command(); "
+            "from mitsonar.cli.main import main; sys.exit(main(sys.argv[1:]) or "
+            f"print(*['loaded', *({set(HEAVY)} & set(sys.modules))], file=sys.stderr))")
+    child = subprocess.run([sys.executable, "-c", code, *command], capture_output=True, text=True, check=True,
+                           cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(ROOT)})
+    assert set(child.stderr.partition("loaded")[2].split()) <= MAY_IMPORT[command]
+
+
+def test_xarray_knows_arrays_of_dask_once_dask_is_there():
+    """A picture is made without Dask, which is imported and recognised when somebody uses it."""
+    code = """import sys, mitsonar, numpy as np, xarray as xr
+from mitsonar.device.lazy import begin_command
+begin_command()
+mitsonar.render
+picture = xr.Dataset({"level": (("ping", "bin"), np.ones((4, 6)))}, coords={"ping": np.arange(4)})
+assert float(picture.level.sum()) == 24 and picture.isel(ping=0).level.values.shape == (6,)
+assert "dask" not in {name.partition(".")[0] for name in sys.modules}
+lazy = picture.chunk(ping=2)
+import dask.array
+masked = xr.DataArray(dask.array.from_array(np.ma.masked_equal(np.arange(4.0), 2.0)))
+print(type(lazy.level.data).__module__, float(lazy.level.sum()), np.isnan(masked.compute().values).sum())"""
+    assert python(code) == "dask.array.core 24.0 1"
 
 
 @pytest.mark.parametrize("stub", STUBS)

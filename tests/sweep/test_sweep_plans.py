@@ -180,7 +180,10 @@ def test_a_plan_that_comes_with_mitsonar_is_found_by_name_and_renders_where_the_
 
 WORDS = ["scene", "output", "seed", "seeds", "samples", "previews", "table", "set", "list", "grid", "draw", "range",
          "pings", "from", "to", "count", "step", "scale", "log", "uniform", "normal", "choice", "weights", "integer",
-         "log_uniform", "scene.xml", "{index}.exr", "{range}.exr", "{index:99999}.exr", "../x.exr", "/dev/zero", ""]
+         "log_uniform", "scene.xml", "{index}.exr", "{range}.exr", "{index:99999}.exr", "../x.exr", "/dev/zero", "",
+         "of", "when", "cases", "else", "together", "rows", "scenes", "share", "split", "group", "train", "val",
+         "renders", "name", "rays", "speckle", "true", "range > 3", "rays * 2", "rows.csv", "n",
+         "{split}/{index}.exr", "redraw"]
 LEAVES = strategies.one_of(strategies.booleans(), strategies.integers(), strategies.floats(), strategies.text(),
                            strategies.sampled_from(WORDS), strategies.integers(0, 20), strategies.dates())
 VALUES = strategies.recursive(LEAVES, lambda inner: strategies.one_of(
@@ -188,24 +191,34 @@ VALUES = strategies.recursive(LEAVES, lambda inner: strategies.one_of(
 SOUND = {"scene": "scene.xml", "output": "{index:03}_{range}.exr", "seed": 3, "seeds": 2, "samples": 2,
          "previews": False, "set": {"pings": 2}, "list": {"speckle": [True, False]},
          "grid": {"range": {"from": 30, "to": 50, "count": 3}}, "draw": {"rays": {"integer": [1000, 2000]}}}
+TOGETHER = {"scene": "scene.xml", "samples": 4, "output": "{split}/{index:03}.exr", "draw": {
+    "range": {"uniform": [10, 20]}, "pings": {"integer": [1, 9]},
+    "speckle": {"when": "range > 15", "cases": {"true": True}, "else": {"choice": [True, False]}}},
+    "rows": {"table": "rows.csv", "weights": "n"}, "together": {"range": {"pings": 0.5}},
+    "split": {"train": 0.5, "val": 0.5, "group": ["pings"]}}
+SEVERAL = {"renders": 9, "output": "{scene}_{index:03}.exr", "set": {"pings": {"of": "rays + 1"}}, "scenes": [
+    {"scene": "scene.xml", "share": 2, "draw": {"rays": {"integer": [1, 900]}}},
+    {"scene": "scene.xml", "name": "b", "grid": {"rays": [1, 2, 3]}}],
+    "split": {"train": 0.5, "test": 0.5, "group": ["rays"]}}
 
 
 @strategies.composite
 def plans(pick):
     """A sound plan with one or two things in it replaced, added or left out."""
-    plan = copy.deepcopy(SOUND)
+    plan = copy.deepcopy(pick(strategies.sampled_from([SOUND, TOGETHER, SEVERAL])))
     for _ in range(pick(strategies.integers(1, 2))):
         inside = plan
-        while isinstance(inside, dict) and inside:
-            key = pick(strategies.sampled_from(sorted(inside)))
-            if not isinstance(inside[key], dict) or not inside[key] or pick(strategies.booleans()):
+        while isinstance(inside, (dict, list)) and inside:
+            key = pick(strategies.sampled_from(sorted(inside) if isinstance(inside, dict) else range(len(inside))))
+            if not isinstance(inside[key], (dict, list)) or not inside[key] or pick(strategies.booleans()):
                 break
             inside = inside[key]
         change = pick(strategies.sampled_from(["replace", "add", "leave out"]))
         if change == "leave out":
             inside.pop(key)
         else:
-            inside[key if change == "replace" else pick(strategies.sampled_from(WORDS))] = pick(VALUES)
+            replaced = change == "replace" or isinstance(inside, list)
+            inside[key if replaced else pick(strategies.sampled_from(WORDS))] = pick(VALUES)
     return plan
 
 
@@ -217,6 +230,8 @@ def as_toml(value):
         return "{" + ", ".join(f"{as_toml(key)} = {as_toml(item)}" for key, item in value.items()) + "}"
     if isinstance(value, list):
         return "[" + ", ".join(map(as_toml, value)) + "]"
+    if isinstance(value, list):
+        return f"[{', '.join(map(as_toml, value))}]"
     if isinstance(value, str):
         return '"' + "".join(letter if letter.isalnum() and letter.isascii() else f"\\U{ord(letter):08x}"
                              for letter in value if not 0xd800 <= ord(letter) < 0xe000) + '"'
@@ -237,9 +252,10 @@ def loads_or_says_why(path):
 FUZZ = {"deadline": None, "derandomize": True, "suppress_health_check": list(hypothesis.HealthCheck)}
 
 
-@hypothesis.settings(max_examples=150, **FUZZ)
+@hypothesis.settings(max_examples=300, **FUZZ)
 @hypothesis.given(given=plans())
 def test_any_plan_loads_or_is_refused_in_a_sentence(place, given):
+    (place / "rows.csv").write_text("rays, n\n100, 1\n200, 3\n", encoding="utf-8")
     text = "\n".join(f"{as_toml(key)} = {as_toml(value)}" for key, value in given.items())
     (place / "fuzz.toml").write_text(text, encoding="utf-8")
     loads_or_says_why(place / "fuzz.toml")

@@ -72,3 +72,27 @@ def test_a_flat_bed_hides_nothing_of_itself():
 
 def test_without_a_seabed_there_is_no_horizon():
     assert BedHorizon(Geometry(scenes.array_sonar({"rock": scenes.bed(20.0)})), REACH).around(ORIGIN, straight) is None
+
+
+def test_points_known_to_lie_under_the_bed_are_those_that_rays_do_not_reach():
+    """None of them is free, few that lie deep are missed, and none is known where rays may pass beside the bed."""
+    bed = BedHorizon(geometry := Geometry(scenes.array_sonar({"seabed": rippled()})), REACH)
+    point = np.random.default_rng(3).uniform([-60, -60, -24], [60, 60, -10], (20000, 3))
+    on_device = mi.Point3f(*(upload(mi.Float, column.astype(np.float32)) for column in point.T))
+    known = bed.under(ORIGIN)(on_device).numpy()
+    towards = mi.Point3f(*ORIGIN.tolist()) - on_device
+    distance = dr.norm(towards)
+    blocked = geometry.scene.ray_test(mi.Ray3f(mi.Ray3f(on_device, towards / distance), distance)).numpy()
+    over_the_bed = (np.abs(point[:, :2]) < 50).all(1)
+    assert (known & ~blocked).sum() <= 2                       # a ray may slip between two facets
+    assert known[over_the_bed & (point[:, 2] < -20.7)].mean() > 0.98
+    assert not known[~over_the_bed].any()
+    assert bed.under(ORIGIN + [80.0, 0.0, 0.0]) is None and bed.under(ORIGIN - [0.0, 0.0, 4.0]) is None
+
+
+def test_nothing_is_known_under_a_bed_with_a_hole():
+    whole = Geometry(scenes.array_sonar({"seabed": rippled()}))
+    index, shape, first, count = whole.meshes[0]
+    bed = BedHorizon(whole, REACH)
+    assert bed._lowest([(index, shape, first, count)]) is not None
+    assert bed._lowest([(index, shape, first, count - 2)]) is None

@@ -157,3 +157,19 @@ def test_ways_that_never_come_to_the_scene_are_free_whatever_the_memory_holds(va
     point = np.stack([x * np.cos(x), x * np.sin(x), np.full(4000, -20.0)], 1)
     way = connect(geometry, SoundSpeedProfile(*PROFILES["constant"]), 20.0, point, np.zeros((4000, 3)))
     assert way.free.numpy().all()
+
+
+@pytest.mark.parametrize("name", ["constant", "summer", "duct"])
+def test_points_of_the_water_are_connected_as_any_others(variant, bed, rng, name):
+    """Rays are traced only where something may be in the way: the answers, bit by bit, are those of all rays."""
+    profile, depth = SoundSpeedProfile(*PROFILES[name]), 12.0
+    point = rng.uniform([-120, -120, -48], [120, 120, -1], (POINTS, 3))
+    every = connect(bed, profile, depth, point, np.zeros_like(point))
+    tracer = Tracer(bed, DeviceWater(profile), max_range=260.0)
+    lib = arrays_of(mi.Float)
+    way = Connector(bed, tracer.water).connect_in_water(
+        tracer.sources([depth]), lib.Array3f64(0, 0, -depth),
+        lib.Array3f64(*(upload(mi.Float64, column) for column in point.T)))
+    assert 0.02 < 1 - every.free.numpy().mean() < 0.5
+    for part in ("exists", "free", "travel_time", "spreading_area", "launch_direction"):
+        np.testing.assert_array_equal(getattr(way, part).numpy(), getattr(every, part).numpy())

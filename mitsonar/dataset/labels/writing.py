@@ -9,7 +9,7 @@ import secrets
 import shutil
 import warnings
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from mitsonar.device.files import FilePath, check_writable, full_disk_said
@@ -20,7 +20,7 @@ from mitsonar.labels.pictures import write_png
 from mitsonar.labels.rules import Labels
 
 from ..sources import Source, class_order, find_sources
-from ..split import deal
+from ..split import deal, planned, shares_of
 
 
 @dataclass(kw_only=True)
@@ -48,8 +48,8 @@ def write(places: FilePath | Iterable[FilePath], folder: FilePath, labels: Label
     Returns
     -------
     dict of str, int
-        Numbers of ``pictures``, ``highlights``, ``shadows`` and ``wholes`` written, of annotations left out as
-        ``invisible``, and of pictures left out as ``empty``.
+        Numbers of ``pictures``, ``highlights``, ``shadows`` and ``wholes`` written, of ``negatives`` seen, of
+        annotations left out as ``invisible``, and of pictures left out as ``empty``.
 
     Raises
     ------
@@ -72,11 +72,13 @@ def write(places: FilePath | Iterable[FilePath], folder: FilePath, labels: Label
     else:
         check_writable(str(folder).rstrip(os.sep))
     sources = find_sources(places)
-    groups = groups_of(sources, labels.split_by) if labels.split else []
-    homes = ["train"] * len(sources)
-    if labels.split:
-        homes = deal(groups, labels.split, labels.split_seed, labels.split_by or "seabed")
-    numbers = coco.categories(_classes(sources, labels.classes), whole=labels.whole)
+    groups = groups_of(sources, labels.split_by) if labels.split else [source.seabed or "" for source in sources]
+    homes, by = ["train"] * len(sources), labels.split_by or "seabed"
+    if not labels.split and (given := planned([source.planned_split for source in sources], groups)):
+        homes, by, labels = given, "plan", replace(labels, split=shares_of(given))
+    elif labels.split:
+        homes = deal(groups, labels.split, labels.split_seed, by)
+    numbers = coco.categories(labels.numbered(_classes(sources, labels)), whole=labels.whole)
     with _complete(Path(os.path.realpath(folder))) as partial:
         writer = _Writer(partial, labels, numbers)
         for done, (source, home) in enumerate(zip(sources, homes, strict=True), 1):
@@ -84,7 +86,7 @@ def write(places: FilePath | Iterable[FilePath], folder: FilePath, labels: Label
             if progress is not None:
                 progress(done, len(sources))
         writer.summary({name: sorted({group for group, home in zip(groups, homes, strict=True) if home == name})
-                        for name in labels.split or ()})
+                        for name in labels.split or ()}, by)
     if writer.note:
         warnings.warn(writer.note, stacklevel=2)
     return {"pictures": len(writer.names), **writer.counts}
@@ -120,11 +122,11 @@ def groups_of(sources: Sequence[Source], by: str | None = None) -> list[str]:
     return [str(source.seabed if by is None else source.parameters[by]) for source in sources]
 
 
-def _classes(sources, wanted):
+def _classes(sources, labels):
     """Return the classes of objects in the order of their numbers."""
-    if wanted is None:
-        return class_order(sources)
-    present = sorted({name for source in sources for name in source.object_classes})
+    if (wanted := labels.classes) is None:
+        return class_order(sources, labels.negatives)
+    present = sorted({name for source in sources for name in source.object_classes} - {*labels.negatives})
     lacking = [name for name in present if name not in wanted]
     if lacking:
         raise ValueError(f"the images have objects of the class {', '.join(lacking)}, which the classes given lack; "
@@ -138,8 +140,8 @@ class _Writer:
         self.subsets = {name: _Subset() for name in labels.split or ["train"]}
         self.names, self.annotated, self.note = {}, 0, ""
         self.tracks: dict[tuple[int, str, str], int] = {}              # of videos, by video, category and object
-        self.counts = {"highlights": 0, "shadows": 0, **({"wholes": 0} if labels.whole else {}), "invisible": 0,
-                       "empty": 0}
+        self.counts = {"highlights": 0, "shadows": 0, **({"wholes": 0} if labels.whole else {}),
+                       **({"negatives": 0} if labels.negatives else {}), "invisible": 0, "empty": 0}
         for kind in ("images", *["labels"] * bool(self.labels.yolo),
                      *[f"masks/{kind}" for kind in MASKS] * self.labels.masks):
             (self.folder / kind).mkdir(parents=True)
@@ -175,13 +177,15 @@ class _Writer:
         if name in self.names:
             raise ValueError(f"two pictures would both be named {name}; rename a file, or process them separately.")
         pieces, picture = tile.pieces, tile.picture
-        if self.labels.drop_empty and not pieces:
+        if self.labels.drop_empty and tile.empty:
             self.counts["empty"] += 1
             return
         self.names[name] = number = len(self.names) + 1
         write_png(picture, self.folder / "images" / f"{name}.png")
         for piece in pieces:
             self.counts[f"{piece.kind}s"] += 1
+        if tile.negatives:
+            self.counts["negatives"] += sum(tile.negatives.values())
         height, width = picture.shape
         subset.images.append({"id": number, "file_name": f"{name}.png", "height": height, "width": width,
                               **description})
@@ -197,8 +201,8 @@ class _Writer:
                 subset.entries.append(coco.entry(piece, self.annotated, number, self.numbers,
                                                  self._track(description, piece)))
 
-    def summary(self, groups: dict[str, list[str]]) -> None:
-        """Write the files on all images; `groups` are those of each subset."""
+    def summary(self, groups: dict[str, list[str]], by: str) -> None:
+        """Write the files on all images; `groups` are those of each subset, which were split `by` something."""
         split, files = self.labels.split, {}
         bare = [name for name, subset in self.subsets.items() if not subset.images]
         if bare:
@@ -212,7 +216,7 @@ class _Writer:
                 files[f"annotations_{name}.json" if split else "annotations.json"] = text
         if split:
             files["split.json"] = {
-                "shares": split, "seed": self.labels.split_seed, "by": self.labels.split_by or "seabed",
+                "shares": split, "seed": self.labels.split_seed, "by": by,
                 "images": {name: [image["file_name"] for image in subset.images]
                            for name, subset in self.subsets.items()},
                 "groups": groups}

@@ -9,10 +9,11 @@ from dataclasses import dataclass, replace
 import drjit as dr
 import mitsuba as mi
 
+from mitsonar.device.arrays import Kept, entries
 from mitsonar.scene.tracing.hits import Hits
 from mitsonar.scene.tracing.tracer import Sources
 
-from ..record import EchoLeg, Kept, entries
+from ..record import EchoLeg
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,12 +9,14 @@ is then nearly constant, and the points differ from ping to ping.
 """
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import gcd
 
 import drjit as dr
 import mitsuba as mi
 
+from mitsonar.device.arrays import compressed, entries
 from mitsonar.scene.tracing.connection import Connection, Connector
 from mitsonar.scene.tracing.launch import Strata
 from mitsonar.scene.tracing.tracer import Sources
@@ -24,6 +26,7 @@ from ..sonar_equation import along_legs, leg_gain, speed_ratio
 GOLDEN = 0.6180339887498949
 NEAREST = 0.25                     # [m] nearer points are not in the far field, and echo while the pulse is still sent
 NEARER, FARTHER = 0.97, 1.03       # margins of the window's straight ranges, because rays bend
+UnderBed = Callable[[dr.ArrayBase], "mi.Bool"]       # of points (R,) [m]: True only for those that the bed hides
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,16 +53,46 @@ class WaterEchoes:
              solid_angle: mi.Float, strata: Strata, chance: mi.Float) -> DrawnPoints:
         """Return one point along each direction."""
         # direction (R,); solid_angle (R,) [sr]; chance (R,)
+        r = self._distances(strata, chance)
+        point = origin + type(origin)(direction * r)
+        in_water = point.z < 0
+        way = self.connector.connect(sources, origin, source, point, mi.Vector3f(0, 0, 0), in_water)
+        return self._drawn(sources, origin, source, point, r, solid_angle, way, in_water)
+
+    def draw_visible(self, sources: Sources, origin: dr.ArrayBase, direction: mi.Vector3f, solid_angle: mi.Float,
+                     strata: Strata, chance: mi.Float,
+                     under_bed: UnderBed | None) -> tuple[mi.UInt32, DrawnPoints] | None:
+        """Return numbers (V,) of directions, and the points along them, as `draw` does from source 0; None if none.
+
+        Points above the water, and those that lie under the bed, are left out before they are connected.
+        """
+        r = self._distances(strata, chance)
+        point = origin + type(origin)(direction * r)
+        possible = point.z < 0
+        if under_bed is not None:
+            possible &= ~under_bed(point)
+        dr.eval(direction, solid_angle, r, possible)
+        index = compressed(possible)
+        if not dr.width(index):
+            return None
+        direction, solid_angle, r = entries((direction, solid_angle, r), index)
+        point = origin + type(origin)(direction * r)
+        way = self.connector.connect_in_water(sources, origin, point)
+        return index, self._drawn(sources, origin, mi.UInt32(0), point, r, solid_angle, way, mi.Bool(True))
+
+    def _distances(self, strata: Strata, chance: mi.Float) -> mi.Float:
+        """Return the distances [m] of the points of all directions."""
         row, within, _, _ = strata.split(dr.arange(mi.UInt32, strata.rays))
         first = dr.gather(mi.Float, chance, row * strata.per_row)
         count = strata.shape[0] * strata.shape[1]
         step = _coprime(count)
         turn = mi.UInt32(mi.UInt64(within) * dr.opaque(mi.UInt64, step) % dr.opaque(mi.UInt64, count))
         place = (mi.Float(turn) + chance) / mi.Float(strata.per_row) + first
-        r = self.near + self.span * (place - dr.floor(place))
-        point = origin + type(origin)(direction * r)
-        in_water = point.z < 0
-        way = self.connector.connect(sources, origin, source, point, mi.Vector3f(0, 0, 0), in_water)
+        return self.near + self.span * (place - dr.floor(place))
+
+    def _drawn(self, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32, point: dr.ArrayBase, r: mi.Float,
+               solid_angle: mi.Float, way: Connection, in_water: mi.Bool) -> DrawnPoints:
+        """Return points at distances [m] with the energies of their echoes."""
         strength = self.water.volume.at(mi.Float(-point.z), in_water)
         source_speed = mi.Float(sources.state.gather(self.lib, source)[1])
         gain = leg_gain(spreading_area=way.spreading_area, speed_ratio=speed_ratio(way.sound_speed, source_speed))

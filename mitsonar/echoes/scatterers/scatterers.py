@@ -215,7 +215,7 @@ class Scatterers:
         # millions of facets: single precision is enough to find those within reach
         centre, side, radius = mi.Point3f(centre), mi.Float(side), mi.Float(radius)
         dr.eval(centre, side, radius)
-        return side.numpy(), np.ascontiguousarray(centre.numpy().T), radius.numpy()
+        return side.numpy(), np.stack([axis.numpy() for axis in centre], 1), radius.numpy()
 
     def in_reach(self, origin: np.ndarray, nearest: float, farthest: float) -> np.ndarray:
         """Return the facets (K,) that come nearer to `origin` (3,) than `farthest` and reach beyond `nearest` [m]."""

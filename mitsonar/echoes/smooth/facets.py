@@ -17,8 +17,6 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from mitsonar.device.arrays import arrays_of, reinterpreted, upload
 from mitsonar.scene.geometry import Geometry
@@ -293,6 +291,9 @@ def _is_convex(corner, normal, outward):
     if not outward or len(order) % 2 or np.any(edge[first] != edge[second]) or np.any(
             np.all(edge[first][1:] == edge[first][:-1], axis=1)):
         return False
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
     joined = coo_array((np.ones(len(first)), (first // 3, second // 3)), shape=(len(corner), len(corner)))
     if connected_components(joined, directed=False)[0] > 1:
         return False

@@ -23,7 +23,7 @@ from .amplitude_detection import (
     refined_centre,
     slopes,
 )
-from .bottom_track import CELL, BottomEchoes, BottomTrack, noise_level, reduced, track
+from .bottom_track import CELL, BottomEchoes, BottomTrack, in_rows, noise_level, reduced, track
 from .phase_detection import by_phase, no_phase
 from .quality import GAUSSIAN_WIDTH, angle_deviation, quality_factor
 from .windows import Windows, windows_about
@@ -107,7 +107,7 @@ class Detections:
 
 
 def detect(halves: tuple[np.ndarray, np.ndarray], *, time: np.ndarray, sines: np.ndarray, head: Head,
-           without: np.ndarray | None = None) -> Detections:
+           without: np.ndarray | None = None, sums: BottomEchoes | None = None) -> Detections:
     """Detect the bed in the beams of one ping, or of one sector of it.
 
     Parameters
@@ -123,6 +123,8 @@ def detect(halves: tuple[np.ndarray, np.ndarray], *, time: np.ndarray, sines: np
         Parameters of the sounder.
     without : bool (B,) or None
         Beams without a bed. They are not searched, and the beams around take no slope from them.
+    sums : BottomEchoes or None
+        Sums over blocks, if `reduced` has made them of these beams.
 
     Returns
     -------
@@ -134,7 +136,7 @@ def detect(halves: tuple[np.ndarray, np.ndarray], *, time: np.ndarray, sines: np
         If shapes differ, times are not evenly spaced, sines do not increase, or the gate holds no sample.
     """
     time, sines, widths, gate = _checked(halves, time, sines, head)
-    halves, sums = _finite(halves, time, head.pulse_length)
+    halves, sums = _finite(halves, time, head.pulse_length, sums)
     noise = max(noise_level(sums) if head.noise is None else float(head.noise), QUIETEST * float(sums.power.max()))
     rough = track(sums, sines, widths, noise, gate)
     if without is not None:
@@ -215,11 +217,11 @@ def _aside(fan: _DetectionFan, centre: np.ndarray, incidence: np.ndarray) -> np.
     return np.where(np.abs(middle) > usual, centre * np.abs(slope * middle), 0.0)
 
 
-def _finite(halves: tuple[np.ndarray, np.ndarray], time: np.ndarray,
-            pulse_length: float) -> tuple[tuple[np.ndarray, np.ndarray], BottomEchoes]:
+def _finite(halves: tuple[np.ndarray, np.ndarray], time: np.ndarray, pulse_length: float,
+            sums: BottomEchoes | None) -> tuple[tuple[np.ndarray, np.ndarray], BottomEchoes]:
     """Return the halves as complex64, zero where not finite, and their sums over blocks."""
-    port, starboard = (np.ascontiguousarray(half, np.complex64) for half in halves)
-    sums = reduced((port, starboard), time, pulse_length)
+    port, starboard = (in_rows(half) for half in halves)
+    sums = sums or reduced((port, starboard), time, pulse_length)
     if not np.isfinite(sums.power).all():
         port, starboard = (np.where(np.isfinite(half), half, 0) for half in (port, starboard))
         sums = reduced((port, starboard), time, pulse_length)

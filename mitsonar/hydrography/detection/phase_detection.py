@@ -46,7 +46,6 @@ class PhaseDetections:
     time: np.ndarray  # (B,) [s]
     deviation: np.ndarray  # (B,) [s], inf where there is no detection
     slope: np.ndarray  # (B,), tan of the incidence
-    coherence: np.ndarray  # (B,)
     echoes: np.ndarray  # (B,), independent ones in the window
 
 
@@ -69,7 +68,7 @@ def by_phase(halves: tuple[np.ndarray, np.ndarray], time: np.ndarray, centre: np
         found = np.where(np.isfinite(made[-1].deviation), made[-1].time, found)
     best = _widest_that_agrees(made)
     return PhaseDetections(slope=np.tan(incidence), **{name: np.choose(best, [getattr(one, name) for one in made])
-                                                       for name in ("time", "deviation", "coherence", "echoes")})
+                                                       for name in ("time", "deviation", "echoes")})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,8 +86,7 @@ class _PhaseBeams:
         """Return the samples about a time of every beam."""
         windows = windows_about(self.time, centre, half + self.spacing)
         port, starboard = (windows.taken(record).astype(complex) for record in self.halves)
-        return _PhaseSamples(product=starboard * np.conj(port), power=(np.abs(port) ** 2 + np.abs(starboard) ** 2) / 2,
-                        instants=self.time[windows.sample], windows=windows)
+        return _PhaseSamples(product=starboard * np.conj(port), instants=self.time[windows.sample], windows=windows)
 
 
 def _settled(beams: _PhaseBeams, centre: np.ndarray, incidence: np.ndarray,
@@ -128,8 +126,7 @@ def _measured(beams: _PhaseBeams, found: np.ndarray, incidence: np.ndarray, reac
     ok = settled & (echoes >= least) & (fit.turn / beams.turn > SLOPES[0]) & np.isfinite(deviation)
     ok &= np.abs(fit.crossing) < 1.5 * reach * beams.spread
     return PhaseDetections(time=_time_of(np.where(ok, fit.crossing, 0.0), found, incidence, beams.sines),
-                           deviation=np.where(ok, deviation, np.inf), slope=tangent, coherence=fit.coherence,
-                           echoes=echoes)
+                           deviation=np.where(ok, deviation, np.inf), slope=tangent, echoes=echoes)
 
 
 def _no_surer(narrow: PhaseDetections, wide: PhaseDetections) -> PhaseDetections:
@@ -155,14 +152,12 @@ def _widest_that_agrees(made: list[PhaseDetections]) -> np.ndarray:
 def no_phase(time: np.ndarray) -> PhaseDetections:
     """Return undetected beams (B,), for a head whose beams are not split."""
     nothing = np.zeros_like(time)
-    return PhaseDetections(time=time, deviation=np.full_like(time, np.inf), slope=nothing, coherence=nothing,
-                           echoes=nothing)
+    return PhaseDetections(time=time, deviation=np.full_like(time, np.inf), slope=nothing, echoes=nothing)
 
 
 @dataclass(frozen=True, kw_only=True)
 class _PhaseSamples:
     product: np.ndarray
-    power: np.ndarray
     instants: np.ndarray
     windows: Windows
 
@@ -174,7 +169,6 @@ class _PhaseFit:
     crossing: np.ndarray
     turn: np.ndarray
     variance: np.ndarray
-    coherence: np.ndarray
     count: np.ndarray
 
 
@@ -196,7 +190,9 @@ def _turned(samples: _PhaseSamples, found: np.ndarray, incidence: np.ndarray, si
     inside = np.abs(x) <= reach[beam]
     x = np.where(inside, x, 0.0)
     phase = turn[beam] * x
-    product = np.where(inside, samples.product, 0.0) * (np.cos(phase) - 1j * np.sin(phase))
+    turned = np.empty_like(samples.product)
+    turned.real, turned.imag = np.cos(phase), -np.sin(phase)
+    product = np.where(inside, samples.product, 0.0) * turned
     offset = np.angle(samples.windows.summed(product))
     return _TurnedPhase(x=x, inside=inside, product=product * np.exp(-1j * offset)[beam], offset=offset)
 
@@ -220,10 +216,8 @@ def _fitted(samples: _PhaseSamples, turned: _TurnedPhase, turn: np.ndarray, bloc
         pull = np.nan_to_num(rest * (g0[beam] + g1[beam] * x))
         length = np.full(len(turn), 2 * (block // 2) + 1)
         variance = windows.summed(windows.smoothed(pull, length) ** 2) / length
-        power = windows.summed(np.where(turned.inside, samples.power, 0.0))
-        coherence = np.hypot(windows.summed(np.real(product)), e0) / power
-    return _PhaseFit(crossing=crossing, turn=turn + slope, variance=variance, coherence=np.nan_to_num(coherence),
-                count=windows.summed(turned.inside.astype(float)))
+    return _PhaseFit(crossing=crossing, turn=turn + slope, variance=variance,
+                     count=windows.summed(turned.inside.astype(float)))
 
 
 def _offsets(instants: np.ndarray, found: np.ndarray, incidence: np.ndarray, sines: np.ndarray,

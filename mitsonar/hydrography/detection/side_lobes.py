@@ -14,6 +14,8 @@ edge. A weaker bed is indistinguishable from side lobes. The skirt of a main lob
 """
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy import ndimage
 
@@ -24,14 +26,27 @@ AROUND = 5                         # beam widths over which beams decide togethe
 HIGHEST = 0.01                     # of the pattern: nearer side lobes see much the same bed near normal incidence
 
 
-def mean_between(echoes: BottomEchoes, begin: np.ndarray, end: np.ndarray) -> np.ndarray:
-    """Return the mean intensities (J, B) [µPa²] of J beams between times (B,) [s]."""
-    whole = (echoes.power + echoes.common) / 2
-    total = np.concatenate([np.zeros((len(whole), 1)), np.cumsum(whole, axis=1)], axis=1)
-    blocks = whole.shape[1]
-    first = np.clip(((begin - echoes.start) / echoes.step).astype(int), 0, blocks - 1)
-    last = np.clip(np.ceil((end - echoes.start) / echoes.step).astype(int), first + 1, blocks)
-    return (total[:, last] - total[:, first]) / (last - first)
+@dataclass(frozen=True, kw_only=True)
+class SummedEchoes:
+    """Running sums over the blocks of J beams."""
+
+    total: np.ndarray  # (J, N) [µPa²], of intensities of the whole beams, up to the end of every block
+    start: float  # [s], begin of the first block
+    step: float  # [s], length of a block
+
+    @classmethod
+    def of(cls, echoes: BottomEchoes) -> SummedEchoes:
+        """Return the sums of a ping's echoes."""
+        whole = (echoes.power + echoes.common) / 2
+        return cls(total=np.cumsum(whole, axis=1, out=whole), start=echoes.start, step=echoes.step)
+
+    def mean_between(self, begin: np.ndarray, end: np.ndarray) -> np.ndarray:
+        """Return the mean intensities (J, B) [µPa²] between times (B,) [s]."""
+        blocks = self.total.shape[1]
+        first = np.clip(((begin - self.start) / self.step).astype(int), 0, blocks - 1)
+        last = np.clip(np.ceil((end - self.start) / self.step).astype(int), first + 1, blocks)
+        before = np.where(first > 0, self.total[:, first - 1], 0.0)
+        return (self.total[:, last - 1].astype(float) - before) / (last - first)
 
 
 def through_side_lobes(pattern: np.ndarray, intensity: np.ndarray, share: np.ndarray) -> np.ndarray:

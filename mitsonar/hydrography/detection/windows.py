@@ -22,7 +22,8 @@ class Windows:
 
     def taken(self, record: np.ndarray) -> np.ndarray:
         """Return the samples (W,) of a record (B, T)."""
-        return record[self.beam, self.sample]
+        ends = zip(self.begin.tolist(), self.end.tolist())
+        return np.concatenate([row[begin:end] for row, (begin, end) in zip(record, ends)])
 
     def summed(self, values: np.ndarray) -> np.ndarray:
         """Sum values (W,) over each window: (B,)."""
@@ -36,11 +37,16 @@ class Windows:
     def smoothed(self, values: np.ndarray, length: np.ndarray) -> np.ndarray:
         """Return the running sum of values (W,) over ``length`` samples (B,) of each beam, within its window."""
         total = np.concatenate([[0.0], np.cumsum(values)])
-        place = np.arange(len(values))
-        half = (length // 2)[self.beam]
+        sums = np.empty(len(values))
         last = np.append(self.start[1:], len(values))
-        return total[np.minimum(place + half + 1, last[self.beam])] - total[np.maximum(place - half,
-                                                                                       self.start[self.beam])]
+        # beam by beam, in slices: a window is cut at its beam's ends
+        for start, end, half in zip(self.start.tolist(), last.tolist(), (length // 2).tolist()):
+            before, after = min(start + half, end), max(end - half - 1, start)
+            sums[start:after] = total[start + half + 1:end]
+            sums[after:end] = total[end]
+            sums[start:before] -= total[start]
+            sums[before:end] -= total[start:max(end - half, start)]
+        return sums
 
 
 def among_neighbours(values: np.ndarray, good: np.ndarray, aside: int = 2) -> np.ndarray:

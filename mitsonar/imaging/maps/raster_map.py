@@ -24,6 +24,7 @@ CLOSED = 1.5                       # largest gap of a full circle, relative to t
 EVEN = 1e-3                        # of a bin: tolerance of even ranges
 ALIKE = 1e-6                       # [rad]: closer beams count as one
 AT_ONCE = 1 << 16                  # elements at a time, to stay within caches
+MOST_KEPT = 1 << 23                # shares of bins in a map that is kept for the next image
 AXES = 0.5 * np.pi * np.arange(-8, 9)      # [rad]: angles at which a rim may be extreme
 
 
@@ -95,8 +96,22 @@ def fan_grid(bearing: np.ndarray, slant_range: np.ndarray, cell: float, downward
     return FanGrid(x=grid.x, y=grid.y[::-1] if downwards else grid.y, cell=cell)
 
 
+_kept: dict[tuple[bytes | float, ...], FanMap] = {}    # the last map: images of one sonar share it
+
+
 def fan_map(bearing: np.ndarray, slant_range: np.ndarray, grid: FanGrid) -> FanMap:
     """Return the map of bins, at bearings (B,) [rad] and ranges (N,) [m], to the elements of a grid."""
+    asked = *(values.tobytes() for values in (bearing, slant_range, grid.x, grid.y)), grid.cell
+    if (known := _kept.get(asked)) is not None:
+        return known
+    made = _made_map(bearing, slant_range, grid)
+    _kept.clear()
+    if made.weights.nnz <= MOST_KEPT:
+        _kept[asked] = made
+    return made
+
+
+def _made_map(bearing: np.ndarray, slant_range: np.ndarray, grid: FanGrid) -> FanMap:
     order, rising, closed = in_order(bearing)
     step = _even_step(slant_range)
     away = np.hypot(grid.x, grid.y[:, None]).ravel()

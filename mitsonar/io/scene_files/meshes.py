@@ -1,4 +1,6 @@
 """Checks of mesh files before Mitsuba's readers open them."""
+import functools
+import hashlib
 import mmap
 import os
 import re
@@ -51,12 +53,17 @@ def listed(folder: FilePath) -> list[Path]:
     return found
 
 
-def check_target(path: FilePath) -> None:
-    """Check that a target's mesh can be read and is not too large.
+def check_target(path: FilePath) -> str:
+    """Check that a target's mesh can be read and is not too large; content that was right before is not read again.
 
     Parameters
     ----------
     path : str or path
+
+    Returns
+    -------
+    str
+        SHA-256 of its content.
 
     Raises
     ------
@@ -74,7 +81,14 @@ def check_target(path: FilePath) -> None:
     size = path.stat().st_size
     if not 0 < size <= LARGEST:
         raise ValueError(f"the mesh {path} has {size} bytes; targets are meshes of at most {LARGEST:.0f} bytes")
-    check(path, path.suffix.lower()[1:])
+    content = hashlib.sha256(path.read_bytes()).hexdigest()
+    _check_once(str(path), path.suffix.lower()[1:], content)
+    return content
+
+
+@functools.lru_cache(maxsize=4096)
+def _check_once(path, kind, content):              # an error is not kept
+    check(path, kind)
 
 
 def check(path: FilePath, kind: str, index: int = 0) -> None:

@@ -161,6 +161,8 @@ def filled(template: str, values: Mapping[str, str]) -> str:
     template : str
     values : dict of str to str
     """
+    if "$" not in template:
+        return template
     for name in sorted(filter(None, values), key=len, reverse=True):
         # a dollar behind a backslash is no parameter, and both stay for Mitsuba to read
         parts = template.replace(r"\$", "\0").split(f"${name}")

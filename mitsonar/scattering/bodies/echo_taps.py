@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+import scipy
 
 from .scattering_functions import ScatteringFunction
 
@@ -86,7 +86,8 @@ def _taps(function: ScatteringFunction, band: ReceivedBand, sound_speed: float) 
     frequency = np.linspace(lowest, highest, max(3 * len(delay), 64))
     phases = np.exp(-2j * np.pi * frequency[:, None] * delay)
     normal = phases.conj().T @ phases
-    inverse = cho_solve(cho_factor(normal + RIDGE * len(frequency) * np.eye(len(delay))), phases.conj().T)
+    factor = scipy.linalg.cho_factor(normal + RIDGE * len(frequency) * np.eye(len(delay)))
+    inverse = scipy.linalg.cho_solve(factor, phases.conj().T)
     values = function.form(frequency, *function.examples(), sound_speed)
     energy = np.sum(np.abs(values @ inverse.T) ** 2, axis=0)
     in_band = (frequency >= band.low) & (frequency <= band.high)

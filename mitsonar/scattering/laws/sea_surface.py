@@ -43,8 +43,8 @@ from types import ModuleType, SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.special import erf
 
 from mitsonar.device.types import Numbers, Triple
 from mitsonar.water.sea_waves import WaveSpectrum, developed_sea
@@ -56,8 +56,8 @@ RIPPLES = 1.3e-5                   # [s/m]
 FACET_SHARE = 0.9                  # of the directions drawn; the rest are drawn evenly for bubbles and ripples
 LEFT_AT_LEAST = 0.1                # of the slope variance, where a mesh has the long waves
 SMALLEST_SINE = 1e-6               # of the grazing angle: no scattering below
-_NUMPY = SimpleNamespace(exp=np.exp, sqrt=np.sqrt, minimum=np.minimum, maximum=np.maximum, select=np.where, erf=erf,
-                         atan=np.arctan, log=np.log)
+_NUMPY = SimpleNamespace(exp=np.exp, sqrt=np.sqrt, minimum=np.minimum, maximum=np.maximum, select=np.where,
+                         atan=np.arctan, log=np.log, erf=lambda x: scipy.special.erf(x))
 
 
 class Roughness(NamedTuple):

@@ -14,7 +14,6 @@ same distribution, but a resolution cell on a border averages both patches and v
 """
 import drjit as dr
 import numpy as np
-from scipy.special import gammainc, gammaincinv
 
 from mitsonar.device.chance import Salt, hashed
 from mitsonar.device.types import ArrayTypes, Bool, Float, Upload
@@ -28,6 +27,8 @@ CELL_BITS = 13                     # the table has 2^13 cells
 def gamma_cells(shape: float, count: int) -> np.ndarray:
     """Return the means of ``count`` cells of equal probability of Gamma(ν, 1/ν)."""
     # the mean over x < q is the distribution function of Gamma(ν + 1) at q
+    from scipy.special import gammainc, gammaincinv
+
     edge = gammaincinv(shape, np.arange(count + 1) / count)
     return count * np.diff(np.concatenate([gammainc(shape + 1, edge[:-1]), [1.0]]))
 

@@ -21,8 +21,7 @@ from functools import lru_cache
 from types import ModuleType
 
 import numpy as np
-from scipy import fft
-from scipy.special import j0, j1
+import scipy
 
 from mitsonar.device.types import Numbers
 
@@ -94,7 +93,7 @@ def ratio_table(gamma: float) -> np.ndarray:
     log_x = np.linspace(-HIGH_M / (2 * alpha) - 12.0, np.log(FARTHEST), POINTS)
     x, step = np.exp(log_x), log_x[1] - log_x[0]
     left = _left(gamma, log_x)
-    offset = fft.fhtoffset(step, mu=0)
+    offset = scipy.fft.fhtoffset(step, mu=0)
     log_kappa = offset - 0.5 * (log_x[0] + log_x[-1]) + (np.arange(POINTS) - 0.5 * (POINTS - 1)) * step
     t = LOW_T + STEP * np.arange(SIZE_T)
     table = np.empty((SIZE_M, SIZE_T), np.float32)
@@ -104,7 +103,7 @@ def ratio_table(gamma: float) -> np.ndarray:
             f = np.exp(-m) * (np.expm1(m * left) - m * left)
         else:
             f = np.exp(-m * (1 - left)) - np.exp(-m) * (1 + m * left)
-        transform = fft.fht(x * f, step, mu=0, offset=offset) * np.exp(-log_kappa)
+        transform = scipy.fft.fht(x * f, step, mu=0, offset=offset) * np.exp(-log_kappa)
         at = t + max(log_core, 0) / (2 * alpha)
         found = np.interp(at, log_kappa, transform)
         uncut = log_lobe(log_core - 2 * alpha * at, alpha) - log_core / alpha
@@ -122,10 +121,10 @@ def _left(gamma: float, log_x: np.ndarray) -> np.ndarray:
         series += term * (gamma - 2) / (2 * n + 2 - gamma)
     left = np.empty_like(x)
     left[near] = 1 - np.exp(_log_structure(np, alpha)) * x[near] ** (2 * alpha) - series
-    f = x[~near] ** (2 - gamma) * j0(x[~near])
+    f = x[~near] ** (2 - gamma) * scipy.special.j0(x[~near])
     from scipy.interpolate import CubicSpline
 
     total = CubicSpline(log_x[~near], f).antiderivative()(log_x[~near])
-    end = -x[-1] ** (1 - gamma) * j1(x[-1])
+    end = -x[-1] ** (1 - gamma) * scipy.special.j1(x[-1])
     left[~near] = (gamma - 2) * x[~near] ** (gamma - 2) * (total[-1] - total + end)
     return left

@@ -16,7 +16,7 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from scipy.special import gamma as gamma_function, hankel1
+import scipy
 
 from mitsonar.device.types import Real
 
@@ -48,13 +48,13 @@ def _table(alpha: float) -> tuple[Callable, float, float]:
     from scipy.interpolate import CubicSpline
 
     # The lobe's first correction, relative, is Γ(2/α) / 4 Γ(1/α) q^(-1/α); the table ends where it is 1e-9.
-    largest = (2.5e8 * gamma_function(2 / alpha) / gamma_function(1 / alpha)) ** alpha
+    largest = (2.5e8 * scipy.special.gamma(2 / alpha) / scipy.special.gamma(1 / alpha)) ** alpha
     low, high = np.log(SMALLEST_Q), np.log(largest)
     log_q = np.linspace(low, high, int(np.ceil((high - low) / STEP)) + 1)
     phase = min(np.pi / 2, 0.9 * np.pi / (4 * alpha))
     log_s, step = np.linspace(-32.0, 5.0, 2400, retstep=True)
     s = np.exp(log_s)
-    weight = hankel1(0, s * np.exp(1j * phase)) * np.exp(2j * phase) * s**2 * step
+    weight = scipy.special.hankel1(0, s * np.exp(1j * phase)) * np.exp(2j * phase) * s**2 * step
     decay = s ** (2 * alpha) * np.exp(2j * alpha * phase)
     value = [(weight * np.exp(-q * decay)).sum().real for q in np.exp(log_q)]
     slopes: Any = (1, 1.0), (1, -1 / alpha)

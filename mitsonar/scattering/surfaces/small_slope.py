@@ -10,28 +10,34 @@ d -> ``shift``, s -> ``shift_z``, k -> ``wavenumber``; w2, γ of the spectrum w2
 material below (`fluid`). F is 2π times the density of a two-dimensional stable law: flat where q is large, about the
 specular direction, and proportional to q^(1 + 1/α), the perturbation limit, far from it.
 """
+import functools
 from collections.abc import Callable
 from types import ModuleType
 
 import numpy as np
-from scipy.special import polygamma
+import scipy
 
 from mitsonar.device.types import Numbers
 
 SMALLEST = 1e-9                    # over k: keeps specular and grazing limits finite, accurate to 1e-9
 MOST = 80.0                        # exponent: exact forward grazing has no bound, and float32 ends at 88
-# ln Γ(2 - α) - ln Γ(1 + α) in odd powers of α - 1/2
-_ODD = [-2 * float(polygamma(2 * n, 1.5)) / float(np.prod(np.arange(1.0, 2 * n + 2))) for n in range(12)]
 
 
 def log_roughness(module: ModuleType, wavenumber: Numbers, w2: Numbers, alpha: Numbers) -> Numbers:
     """Return ln b [-]: half the structure function over a length of 1/k, times k²."""
     x = alpha - 0.5
     square, series = x * x, 0.0
-    for coefficient in reversed(_ODD):
+    for coefficient in reversed(_odd_powers()):
         series = series * square + coefficient
     return (module.log(np.pi * w2 / (alpha * (1 - alpha))) + x * series - float(2 * np.log(2)) * alpha
             + (2 - 2 * alpha) * module.log(wavenumber))
+
+
+@functools.cache
+def _odd_powers() -> list[float]:
+    """Return the coefficients of ln Γ(2 - α) - ln Γ(1 + α) in odd powers of α - 1/2."""
+    return [-2 * float(scipy.special.polygamma(2 * n, 1.5)) / float(np.prod(np.arange(1.0, 2 * n + 2)))
+            for n in range(12)]
 
 
 def lobe_factor(module: ModuleType, log_lobe: Callable[[Numbers, Numbers], Numbers], shift: Numbers, shift_z: Numbers,

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 import drjit as dr
 import numpy as np
-from scipy.special import ndtri
+import scipy
 
 from mitsonar.device.chance import Salt, gaussian, hashed_pair
 from mitsonar.device.types import ArrayTypes, Float
@@ -71,7 +71,7 @@ class WeedField:
         self._per_metre = [[dr.opaque(lib.Float, float(part)) for part in row] for row in (across, along)]
         sharp = weed.sharpness
         self._threshold, self._steep, self._gain = (dr.opaque(lib.Float, float(value)) for value in (
-            -np.sqrt(1 + sharp ** 2) * ndtri(weed.cover), np.sqrt(0.5) / sharp, weed.strength - 1))
+            -np.sqrt(1 + sharp ** 2) * scipy.special.ndtri(weed.cover), np.sqrt(0.5) / sharp, weed.strength - 1))
 
     def share(self, x: Float, y: Float) -> Float:
         """Return f [-], Float (R,), at places x, y [m] Float (R,)."""

@@ -38,6 +38,8 @@ NO_BED = -1e9                      # [m]: the height where there is no bed
 OPEN = -2.0                        # sine that hides nothing
 SLACK = 2e-4                       # sine below its own horizon at which the bed still counts as seen
 SLACK_ABOVE = 6e-4                 # the same for things on the bed
+BLOCK = 16                         # cells of a grid whose least height is known together
+UNDER = 0.05                       # [m] under these heights, from where points count as under the bed
 WINDOW = 0.5                       # step of the sampled window, relative to the reach
 
 
@@ -82,6 +84,43 @@ class BedHorizon:
         if self._grid is not None:
             self._step = (self._high - self._low)[:2] / (np.array(self._grid.shape[::-1]) - 1)
         self._window: tuple[tuple[int, ...], mi.Float] | None = None
+        self._floor = self._lowest(meshes) if self._grid is not None and 0 not in self._grid.shape else None
+
+    def _lowest(self, meshes: list) -> tuple[mi.Float, np.ndarray] | None:
+        """Return the least heights in blocks of the grid's cells, and their sizes [m]; None if the grid has holes."""
+        grid = self._grid
+        rows, columns = np.array(grid.shape) - 1
+        if meshes[0][3] != 2 * rows * columns:
+            return None
+        # the nodes at the edges of a block belong to it
+        lowest = np.minimum(np.minimum(grid[:-1, :-1], grid[1:, :-1]), np.minimum(grid[:-1, 1:], grid[1:, 1:]))
+        for axis in (0, 1):
+            lowest = np.minimum.reduceat(lowest, np.arange(0, lowest.shape[axis], BLOCK), axis=axis)
+        return upload(mi.Float, lowest), np.array(lowest.shape)
+
+    def under(self, origin: np.ndarray) -> Callable[[dr.ArrayBase], mi.Bool] | None:
+        """Return a test of points (R,) [m] that is True only for those under the bed that a place (3,) [m] lies over.
+
+        Rays from a place over a bed without holes meet it on the way to any point under it. None if that is not known.
+        """
+        if not self.exists or self._floor is None:
+            return None
+        low, high, place = self._low, self._high, np.asarray(origin, float)
+        if not ((low[:2] < place[:2]) & (place[:2] < high[:2])).all() or place[2] <= high[2]:
+            return None
+        lowest, (rows, columns) = self._floor
+        side = BLOCK * self._step
+
+        def under(point: dr.ArrayBase) -> mi.Bool:
+            x, y = (mi.Float(part - start) * dr.opaque(mi.Float, 1 / length)
+                    for part, start, length in zip(point, low, side))
+            inside = (x >= 0) & (y >= 0) & (point.x < high[0]) & (point.y < high[1])
+            column, row = (mi.UInt32(held(value, 0.0, dr.opaque(mi.Float, float(count - 1))))
+                           for value, count in ((x, columns), (y, rows)))
+            floor = dr.gather(mi.Float, lowest, row * dr.opaque(mi.UInt32, columns) + column)
+            return inside & (mi.Float(point.z) < floor - UNDER)
+
+        return under
 
     @property
     def highest(self) -> float:

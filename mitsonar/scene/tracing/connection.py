@@ -12,9 +12,10 @@ from typing import cast
 import drjit as dr
 import mitsuba as mi
 
-from mitsonar.device.arrays import arrays_of
+from mitsonar.device.arrays import arrays_of, compressed, entries
 from mitsonar.propagation.device_rays.aiming import aim
 from mitsonar.propagation.device_rays.arrivals import earliest
+from mitsonar.propagation.device_rays.ray_fans import RayFans
 from mitsonar.propagation.device_rays.two_point import PointState
 
 from ..geometry import Geometry
@@ -23,6 +24,7 @@ from ..shadows.occlusion import LIFT, LIFT_PER_RANGE, TOLERANCE, along_arcs, alo
 from .tracer import Sources
 from .water import DeviceWater
 
+CLEAR = 0.5            # [m] over the scene's highest point, from where nothing is in the way of higher points
 UPRIGHT = 1e-6         # [m] horizontal range below which a way runs straight up or down
 
 
@@ -60,11 +62,39 @@ class Connector:
         through = self._through_field(way, origin, heading, point)
         if not occlusion:
             return through
-        end, nearer = _end(way, point, normal, heading, short)
         fans = sources.shadow_fans if coarse else sources.ray_fans
-        blocked = along_fan(self.geometry.scene, fans, mi.Point3f(origin), source,
-                            dr.atan2(-way.launch_direction.z, cosine), heading, end, mi.Float(x) + nearer, way.exists)
+        blocked = self._blocked(fans, origin, source, way, cosine, heading, point, normal, short)
         return replace(through, free=way.exists & ~blocked)
+
+    def connect_in_water(self, sources: Sources, origin: dr.ArrayBase, point: dr.ArrayBase) -> Connection:
+        """Connect points (R,) that lie on nothing to source 0, evaluated; rays are traced only to those in doubt.
+
+        A ray without a turning point stays between the depths of its ends. Nothing is in its way if both lie above
+        everything in the scene.
+        """
+        source, nowhere = mi.UInt32(0), mi.Vector3f(0, 0, 0)
+        x, heading = _seen_from(origin, point)
+        way, (cosine, _) = self._eigenray(self.water.layers(), sources.state, source, x, heading, -point.z, True)
+        through = self._through_field(way, origin, heading, point)
+        top = dr.opaque(self.lib.Float64, -self.geometry.depth_range[0] + CLEAR)
+        above = (dr.minimum(point.z, origin.z) > top) & (way.launch_direction.z * way.arrival_direction.z > 0)
+        doubt = way.exists & ~above
+        dr.eval(through, way, cosine, heading, x, point, doubt)
+        index = compressed(doubt)
+        blocked = dr.zeros(mi.Bool, dr.width(doubt))
+        if dr.width(index):
+            some, facing, far, cosine = (entries(value, index) for value in (way, heading, point, cosine))
+            met = self._blocked(sources.ray_fans, origin, source, some, cosine, facing, far, nowhere, 0.0)
+            dr.scatter(blocked, met, index)
+        return replace(through, free=way.exists & ~blocked)
+
+    def _blocked(self, fans: RayFans, origin: dr.ArrayBase, source: mi.UInt32, way: Connection, cosine: mi.Float,
+                 heading: mi.Vector2f, point: dr.ArrayBase, normal: mi.Vector3f, short: float) -> mi.Bool:
+        """Return True for ways from a source to points (R,) that something blocks."""
+        end, nearer = _end(way, point, normal, heading, short)
+        return along_fan(self.geometry.scene, fans, mi.Point3f(origin), source,
+                         dr.atan2(-way.launch_direction.z, cosine), heading, end,
+                         mi.Float(way.horizontal_range) + nearer, way.exists)
 
     def _through_field(self, way: Connection, origin: dr.ArrayBase, heading: mi.Vector2f,
                        point: dr.ArrayBase) -> Connection:

@@ -64,6 +64,11 @@ class Reading:
     taps: Float  # (B, 4)
     turns: list[Float | None]  # (B,): what beams of each aperture are turned by
 
+    @property
+    def beams(self) -> int:
+        """Return the number B of beams."""
+        return dr.width(self.taps) // 4
+
 
 def by_frequency(spectra: Float, sizes: Sizes, transfers: RowTransfers, noise: Noise | None) -> Float:
     """Multiply spectra (rows, length) by the rows' transfer functions: (F, period); other rows are 0."""
@@ -96,20 +101,20 @@ def through_the_line(spectra: Float, sizes: Sizes, period: int, waves: Waves, no
     return into
 
 
-def by_beam(spectra: Float, sizes: Sizes, period: int, reading: Reading, turn: Float | None) -> Float:
-    """Read beams (B, length) from spectra (F, period), and turn them."""
+def by_beam(spectra: Float, sizes: Sizes, period: int, reading: Reading, turn: Float | None, into: Float,
+            aperture: int) -> None:
+    """Read the beams of an aperture from spectra (F, period), and turn them; put them `into` (A, B, length)."""
     lib, U = arrays_of(spectra), arrays_of(spectra).UInt32
-    beams = dr.width(reading.taps) // 4
-    number, beam = tiles(lib, sizes.frequencies, beams)
+    number, beam = tiles(lib, sizes.frequencies, reading.beams)
     begin, total = number * dr.opaque(U, period), lib.Array2f(0)
     for row, tap in zip(dr.gather(lib.Array4u, reading.rows, beam), dr.gather(lib.Array4f, reading.taps, beam)):
         total = dr.fma(dr.gather(lib.Array2f, spectra, begin + row), tap, total)
     if turn is not None:
         turned = lib.Complex2f(total[0], total[1]) * _complex(lib, turn, beam)
         total = lib.Array2f(turned.real, turned.imag)
-    into = dr.zeros(lib.Float, 2 * beams * sizes.length)
-    dr.scatter(into, total, beam * dr.opaque(U, sizes.length) + dr.gather(U, sizes.used, number))
-    return into
+    row = beam + dr.opaque(U, aperture * reading.beams)
+    dr.scatter(into, total, row * dr.opaque(U, sizes.length) + dr.gather(U, sizes.used, number))
+    dr.eval(into)
 
 
 def _transfer(lib: ArrayTypes, transfers: RowTransfers, number: UInt32, row: UInt32) -> Any:

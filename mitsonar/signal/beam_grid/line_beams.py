@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import drjit as dr
 import numpy as np
 from scipy import fft
 
@@ -103,15 +104,14 @@ class LineBeams:
         sizes, spectra = self._sizes, transformed(grid.taken(), self.length)
         spectra = by_frequency(spectra, sizes, self.pulse.transfers(row_factors), on_rows)
         spectra = transformed(spectra, sizes.period)
-        formed = []
+        beams = dr.zeros(self.lib.Float, 2 * len(self.lines) * read.beams * self.length)
         for number, (table, own, turn) in enumerate(zip(self._tables, waves, read.turns)):
             period = self.lines[number].rows.period
             through = through_the_line(spectra, sizes, period, table, own, salted(key, Salt.BEAM_NOISE) + number)
-            through = by_beam(transformed(through, period, inverse=True), sizes, period, read, turn)
-            beams = transformed(through, self.length, inverse=True)
-            whole = beams.numpy().view(np.complex64).reshape(-1, self.length)
-            formed.append(whole[:, MARGIN + self.lead:MARGIN + self.samples])
-        return np.stack(formed)
+            by_beam(transformed(through, period, inverse=True), sizes, period, read, turn, beams, number)
+        whole = transformed(beams, self.length, inverse=True).numpy().view(np.complex64)
+        whole = whole.reshape(len(self.lines), -1, self.length)
+        return whole[:, :, MARGIN + self.lead:MARGIN + self.samples]
 
     # -- tables ----------------------------------------------------------------------------------------------------
 

@@ -25,8 +25,8 @@ import functools
 
 import drjit as dr
 import numpy as np
+import scipy
 from numpy.polynomial import chebyshev
-from scipy.special import j1, y1
 
 from mitsonar.device.types import Numbers, Triple
 
@@ -45,7 +45,7 @@ def piston(x: Numbers) -> Numbers:
     """
     if not dr.is_array_v(x):
         x = np.asarray(x, dtype=np.float64)
-        return 2 * np.where(x > 1e-6, j1(x), 0.5) / np.where(x > 1e-6, x, 1.0)
+        return 2 * np.where(x > 1e-6, scipy.special.j1(x), 0.5) / np.where(x > 1e-6, x, 1.0)
     near, p, q = _bessel_series()
     small, large = dr.minimum(x, FAR), dr.maximum(x, FAR)
     shrunk = FAR / large
@@ -60,12 +60,13 @@ def _bessel_series() -> tuple[tuple[float, ...], ...]:
     """Return coefficients of J1(x)/x in (x/8)², and of P and Q x/8 in (8/x)², all on [0, 1]."""
     def near(s):
         x = FAR * np.sqrt((s + 1) / 2)
-        return j1(x) / x
+        return scipy.special.j1(x) / x
 
     def rotated(s, part):
         # P - iQ = sqrt(πx/2) (J1 - i Y1) exp(i (x - 3π/4))
         x = FAR / np.sqrt((s + 1) / 2)
-        value = np.sqrt(np.pi * x / 2) * (j1(x) - 1j * y1(x)) * np.exp(1j * (x - 0.75 * np.pi))
+        wave = scipy.special.j1(x) - 1j * scipy.special.y1(x)
+        value = np.sqrt(np.pi * x / 2) * wave * np.exp(1j * (x - 0.75 * np.pi))
         return value.real if part == "even" else -value.imag * x / FAR
 
     low, high = DEGREES

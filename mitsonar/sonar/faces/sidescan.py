@@ -102,11 +102,9 @@ class Sidescan:
 
     def _over_directions(self, along: Callable[[Numbers], Numbers], across: Callable[[Numbers], Numbers]) -> float:
         """Integrate along(u) across(v) du dφ over the half space of a face, v = sqrt(1 - u²) sin(φ - depression)."""
-        from scipy.integrate import trapezoid
-
         phi = np.linspace(-np.pi / 2, np.pi / 2, 8001) - self.depression_angle
         sine = np.sin(phi)
         w = np.linspace(0, 1, 129)
-        ring = [trapezoid(across(root * sine), phi) for root in w]                # smooth in w = sqrt(1 - u²)
+        ring = [np.trapezoid(across(root * sine), phi) for root in w]                # smooth in w = sqrt(1 - u²)
         u = np.linspace(-1, 1, 200001)
-        return float(trapezoid(along(u) * np.interp(np.sqrt(1 - u * u), w, ring), u))
+        return float(np.trapezoid(along(u) * np.interp(np.sqrt(1 - u * u), w, ring), u))

@@ -13,8 +13,8 @@ from functools import cached_property, lru_cache, partial
 from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.fft import fftfreq, fftshift, ifftshift
 from numpy.typing import ArrayLike
-from scipy.fft import fftfreq, fftshift, ifftshift
 
 Window: TypeAlias = str | tuple     # of scipy.signal.get_window
 DESCRIBED = ("cw", "lfm", "hfm")   # kinds of pulses that numbers describe
@@ -148,7 +148,7 @@ class Pulse:
         Returns
         -------
         complex (samples,) [-]
-            ``sampling_rate`` ∫ s_b(t) e^{-i2πft} dt in the order of ``scipy.fft.fftfreq``: scaled as that of a train
+            ``sampling_rate`` ∫ s_b(t) e^{-i2πft} dt in the order of ``numpy.fft.fftfreq``: scaled as that of a train
             of samples, yet the true spectrum of the pulse between ∓ sampling_rate / 2, free of aliases, so neither
             energy nor delay depends on where the samples fall. Read only.
 

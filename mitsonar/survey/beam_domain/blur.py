@@ -4,14 +4,13 @@
     k a squared sinc of the pulse's bandwidth, of sum 1
 
 M is kept where it exceeds the share `FAINTEST` of its maximum, and is scaled up by the part that is left out.
+
+Both sums run on the host: M is a sparse matrix, whose product reads whole rows of bins.
 """
 from __future__ import annotations
 
-import drjit as dr
-import mitsuba as mi
 import numpy as np
-
-from mitsonar.device.arrays import upload
+from scipy import sparse
 
 PARTS = 4                          # directions in a beam over which the pattern is averaged
 FAINTEST = 3e-5                    # share of the maximum of M below which M is left out
@@ -20,6 +19,7 @@ WIDEST = 48                        # largest number of beams to either side
 BLOCK = 1 << 21                    # numbers computed at once
 HALF_POWER = 0.5
 REACH = 3                          # bins to either side that the compressed pulse reaches
+ROWS = 32                          # beams whose bins are summed together: they stay in a core's cache
 
 
 class Blur:
@@ -36,9 +36,12 @@ class Blur:
         #: beams to either side within the half-power width of a beam
         self.lobe = int(np.abs(np.flatnonzero(middle > HALF_POWER * middle.max()) - self.reach).max())
         spread = np.sinc(bandwidth_share * np.arange(-REACH, REACH + 1)) ** 2
-        self._spread = spread / spread.sum()
-        self._band = upload(mi.Float, band.astype(np.float32))
-        dr.eval(self._band)
+        self._spread = (spread / spread.sum()).astype(np.float32)
+        beam, other = np.indices(band.shape)
+        other += beam - self.reach
+        kept = (other >= 0) & (other < self.beams)
+        self._mix = sparse.csr_array((band[kept].astype(np.float32), (beam[kept], other[kept])),
+                                     shape=(self.beams, self.beams))
 
     def grown(self, box: tuple[int, int, int, int], bins: int) -> tuple[int, int, int, int]:
         """Return the box that the energies of a box reach: first beam, end of beams, first bin, end of bins."""
@@ -48,18 +51,15 @@ class Blur:
     def shown(self, energy: np.ndarray, first_beam: int) -> np.ndarray:
         """Return the blurred energies, float32 (b, t), of energies (b, t) of the beams from `first_beam` on."""
         beams, bins = energy.shape
-        plane = upload(mi.Float, np.ascontiguousarray(energy, np.float32))
-        half, rows, columns, first = (dr.opaque(mi.UInt32, n) for n in (self.reach, beams, bins, first_beam))
-        index = dr.arange(mi.UInt32, beams * bins)
-        mixed = _mixed(plane, self._band, half, rows, columns, first, index)
-        dr.eval(mixed)
-        column = index % columns
-        total = mi.Float(0)
-        for k, weight in zip(range(-REACH, REACH + 1), self._spread):
-            inside = (mi.Int32(column) + k >= 0) & (mi.Int32(column) + k < mi.Int32(columns))
-            beside = dr.gather(mi.Float, mixed, mi.UInt32(mi.Int32(index) + k), inside)
-            total += dr.opaque(mi.Float, float(weight)) * beside
-        return total.numpy().reshape(beams, bins)
+        mix = self._mix[first_beam:first_beam + beams, first_beam:first_beam + beams]
+        mixed = mix @ np.ascontiguousarray(energy, np.float32)
+        shown = np.zeros_like(mixed)
+        for first in range(0, beams, ROWS):
+            rows = slice(first, first + ROWS)
+            wide = np.pad(mixed[rows], ((0, 0), (REACH, REACH)))
+            for k, weight in enumerate(self._spread):
+                shown[rows] += weight * wide[:, k:k + bins]
+        return shown
 
 
 class OneBeam:
@@ -109,19 +109,3 @@ def _pattern(gap: np.ndarray, place: np.ndarray, weight: np.ndarray) -> np.ndarr
     """Return |Σ w e^(i2π x gap)|²."""
     parts = np.array_split(gap, -(-gap.size * place.size // BLOCK))
     return np.concatenate([np.abs(np.exp(2j * np.pi * part[:, None] * place) @ weight) ** 2 for part in parts])
-
-
-@dr.syntax
-def _mixed(plane, band, half, beams, bins, first, index):
-    """Return M-weighted sums over the neighbouring beams."""
-    row = index // bins
-    column = index - row * bins
-    low = dr.select(row > half, row - half, 0)
-    high = dr.minimum(row + half + 1, beams)
-    width = 2 * half + 1
-    total, b = mi.Float(0), mi.UInt32(low)
-    while b < high:
-        weight = dr.gather(mi.Float, band, (first + row) * width + (b + half - row))
-        total += weight * dr.gather(mi.Float, plane, b * bins + column)
-        b += 1
-    return total

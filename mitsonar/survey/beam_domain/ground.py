@@ -9,7 +9,7 @@ Only the list of candidates is evaluated here; all the rest becomes part of the 
 """
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import cast
 
@@ -122,6 +122,13 @@ class Ground:
             there = compressed(exist)
             if dr.width(there):
                 yield block.chosen(there)
+
+    def under_bed(self, origin: np.ndarray) -> Callable[[dr.ArrayBase], mi.Bool] | None:
+        """Return a test of points (R,) [m] that is True only for those that the bed hides from a place (3,) [m].
+
+        None if nothing is known without rays.
+        """
+        return self._horizon.under(origin)
 
     def table(self, ping: int) -> EigenrayTable:
         """Return the table of eigenrays of a ping."""

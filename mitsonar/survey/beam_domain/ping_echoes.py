@@ -261,7 +261,8 @@ class PingEchoes:
         key, lobe, drawn = ping_key(seed, ping), self._steered_lobe(reception), None
         if lobe is not None:
             drawn = partial(self._lobe_rays.draw, reception.rotation, lobe.sine, key)
-        for echoes in self.ground.ensonification.random_echoes(origin, reception.rotation, below, key, drawn):
+        for echoes in self.ground.ensonification.random_echoes(origin, reception.rotation, below, key, drawn,
+                                                               self.ground.under_bed(origin)):
             yield _placed(echoes)
 
     @cached_property

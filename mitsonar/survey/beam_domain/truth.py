@@ -25,6 +25,7 @@ from mitsonar.imaging.energy_record import EnergyRecord, powers
 from mitsonar.imaging.truth import HALF, BinTruth
 from mitsonar.scene.labels import ShapeLabels
 from mitsonar.signal.beam_grid.stripes import cell_sums
+from mitsonar.signal.beam_grid.transforms import divided
 
 from .blur import Blur, OneBeam
 from .ground import FREE
@@ -32,7 +33,7 @@ from .ping_echoes import GridEchoes, TargetEchoes
 
 PER_BEAM = 8                       # entries per beam of the table that finds beams
 FEWER_SECTORS = SECTORS // 64      # sectors joined to one here, since scatterers are too few for more
-EACH = (1 << 32) + 1               # echo of the main lobe, in a count of all echoes and of those
+LAST = (1 << 32) - 1               # a step back, in whole numbers without a sign
 CELL = 1                           # bins and beams to either side in which scatterers are counted
 HARDLY = 1e-6                      # share of the strongest bin's energy below which a bin has no place on the bed
 
@@ -80,23 +81,41 @@ class FrameBins:
     def ground(self, sums: mi.Float, origin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the energies and mean places of `sums`."""
         # origin (3,) [m] -> energy (B, T), place (B, T, 3) [m]
-        index, packet = dr.arange(mi.UInt32, self.cells), arrays_of(mi.Float).Array4f
-        own = dr.gather(packet, sums, index)
+        total, mean = self._means([sums], origin)
+        # a row of four is written as one packet; the fourth number is unused
+        place = dr.empty(mi.Float, 4 * self.cells)
+        dr.scatter(place, arrays_of(mi.Float).Array4f(*mean, 0), dr.arange(mi.UInt32, self.cells))
+        dr.eval(place)
+        return self._shaped(total), place.numpy().reshape(self.beams, self.bins, 4)[..., :3]
+
+    def mean_depth(self, *sums: mi.Float) -> np.ndarray:
+        """Return the mean depths of all `sums` together, (B, T) [m]."""
+        return self._shaped(self._means(sums, np.zeros(3))[1][2])
+
+    def _shaped(self, values: mi.Float | mi.UInt32) -> np.ndarray:
+        """Return values of cells on the host, (B, T)."""
+        return values.numpy().reshape(self.beams, self.bins)
+
+    def _means(self, sums: Sequence[mi.Float], origin: np.ndarray) -> tuple[mi.Float, list[mi.Float]]:
+        """Return the energies of all `sums`, evaluated, and the means of x, y and depth; see `ground`."""
+        lib, index = arrays_of(mi.Float), dr.arange(mi.UInt32, self.cells)
+
+        def of(cell: mi.UInt32, active: mi.Bool) -> dr.ArrayBase:
+            return sum((dr.gather(lib.Array4f, part, cell, active) for part in sums[1:]),
+                       dr.gather(lib.Array4f, sums[0], cell, active))
+
+        own = of(index, mi.Bool(True))
         total = own[0]
         dr.eval(total)
         least = dr.opaque(mi.Float, HARDLY * float(dr.max(total)[0]))
         # a bin that has no scatterer by chance takes the places of its neighbours
-        empty, column = ~(total > least), index % dr.opaque(mi.UInt32, self.bins)
+        empty, (_, column) = ~(total > least), divided(lib, index, self.bins)
         last = dr.opaque(mi.UInt32, self.bins - 1)
-        near = own + dr.gather(packet, sums, index - 1, empty & (column > 0)) + dr.gather(
-            packet, sums, index + 1, empty & (column < last))
+        near = own + of(index - 1, empty & (column > 0)) + of(index + 1, empty & (column < last))
         has_bed = near[0] > least
         per_energy = dr.rcp(dr.select(has_bed, near[0], 1))
-        place = dr.empty(mi.Float, 3 * self.cells)
-        for axis, (moment, zero) in enumerate(zip((near[1], near[2], near[3]), (origin[0], origin[1], 0.0))):
-            mean = dr.fma(moment, per_energy, dr.opaque(mi.Float, float(zero)))
-            dr.scatter(place, dr.select(has_bed, mean, dr.nan), 3 * index + axis)
-        return total.numpy().reshape(self.beams, self.bins), place.numpy().reshape(self.beams, self.bins, 3)
+        return total, [dr.select(has_bed, dr.fma(moment, per_energy, dr.opaque(mi.Float, float(zero))), dr.nan)
+                       for moment, zero in zip((near[1], near[2], near[3]), (origin[0], origin[1], 0.0))]
 
     def counted(self, echoes: GridEchoes, cell: mi.UInt32, active: mi.Bool, in_lobe: mi.Bool | None,
                 depth_below: float, farthest: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -106,35 +125,39 @@ class FrameBins:
         """
         number = sector(echoes.launch_sine, dr.opaque(mi.Float, depth_below), dr.opaque(mi.Float, farthest))
         mask = dr.zeros(mi.UInt64, sum_size(self.cells))
-        # the low half of a count is of all echoes, the high half of those in the main lobe
-        count = dr.zeros(mi.UInt64, sum_size(self.cells))
-        dr.scatter_reduce(dr.ReduceOp.Or, mask, mi.UInt64(1) << mi.UInt64(number // FEWER_SECTORS), cell, active)
-        each = mi.UInt64(EACH) if in_lobe is None else dr.select(in_lobe, mi.UInt64(EACH), 1)
-        dr.scatter_add(count, each, cell, active)
-        dr.eval(mask, count)
-        bins, beams = (dr.opaque(mi.Int32, n) for n in (self.bins, self.beams))
-        index = dr.arange(mi.UInt32, self.cells)
-        row = mi.Int32(index) // bins
-        column, around, seen = mi.Int32(index) - row * bins, mi.UInt64(0), mi.UInt64(0)
+        # the sums are too large for copies of each thread
+        direct = dict(index=cell, active=active, mode=dr.ReduceMode.Direct)
+        dr.scatter_reduce(dr.ReduceOp.Or, mask, mi.UInt64(1) << mi.UInt64(number // FEWER_SECTORS), **direct)
+        # of all echoes, and of those in the main lobe
+        each = [mi.UInt32(1)] if in_lobe is None else [mi.UInt32(1), mi.UInt32(in_lobe)]
+        counts = [dr.zeros(mi.UInt32, sum_size(self.cells)) for _ in each]
+        for count, one in zip(counts, each):
+            dr.scatter_add(count, one, **direct)
+        dr.eval(mask, counts)
+        lib, index = arrays_of(mi.Float), dr.arange(mi.UInt32, self.cells)
+        row, column = divided(lib, index, self.bins)
+        bins, beams = (dr.opaque(mi.UInt32, n) for n in (self.bins, self.beams))
+        around, seen = [mi.UInt32(0) for _ in counts], mi.UInt64(0)
         for down in range(-CELL, CELL + 1):
             for along in range(-CELL, CELL + 1):
-                there = (row + down >= 0) & (row + down < beams) & (column + along >= 0) & (column + along < bins)
-                beside = mi.UInt32(mi.Int32(index) + down * bins + along)
-                around += dr.gather(mi.UInt64, count, beside, there)
+                # before the first row or column these are large numbers
+                there = (row + mi.UInt32(down & LAST) < beams) & (column + mi.UInt32(along & LAST) < bins)
+                beside = index + mi.UInt32(down & LAST) * bins + mi.UInt32(along & LAST)
+                around = [total + dr.gather(mi.UInt32, count, beside, there) for total, count in zip(around, counts)]
                 # a bin counts the sectors of its neighbours, too: its own few scatterers may miss a sector
-                seen |= dr.gather(mi.UInt64, mask, beside, there & (abs(down) + abs(along) <= CELL))
+                if abs(down) + abs(along) <= CELL:
+                    seen |= dr.gather(mi.UInt64, mask, beside, there)
         # a single sector between others lacks an echo by chance
         seen = seen | (seen << 1) & (seen >> 1)
-        runs = dr.select(dr.gather(mi.UInt64, count, index) > 0, mi.UInt32(dr.popcnt(seen & ~(seen << 1))), 0)
+        own = [dr.gather(mi.UInt32, count, index) for count in counts]
+        runs = dr.select(own[0] > 0, mi.UInt32(dr.popcnt(seen & ~(seen << 1))), 0)
         wide = self._lobe > CELL
-        rays = mi.UInt32(around & 0xffffffff)
-        in_beam = mi.UInt32((dr.gather(mi.UInt64, count, index) if wide else around) >> 32)
+        rays, in_beam = around[0], own[-1] if wide else around[-1]
         dr.eval(runs, rays, in_beam)
-        shape = self.beams, self.bins
-        among = in_beam.numpy().reshape(shape)
+        among = self._shaped(in_beam)
         if wide:
             among = _summed(_summed(among, self._lobe), CELL, axis=1)
-        return runs.numpy().astype(np.uint8).reshape(shape), rays.numpy().reshape(shape), among
+        return self._shaped(runs).astype(np.uint8), self._shaped(rays), among
 
 
 def _summed(values: np.ndarray, reach: int, axis: int = 0) -> np.ndarray:
@@ -248,8 +271,7 @@ class FrameTruth:
         depth = place[..., 2]
         if dr.width(others):
             own = (dr.gather(mi.Float, column, others) for column in columns)
-            sums += bins.sums(dr.gather(mi.UInt32, cell, others), mi.Bool(True), *own)
-            depth = bins.ground(sums, origin)[1][..., 2]
+            depth = bins.mean_depth(sums, bins.sums(dr.gather(mi.UInt32, cell, others), mi.Bool(True), *own))
         layover, rays, rays_in_beam = bins.counted(echoes, cell, free, in_lobe, depth_below, farthest)
         seabed = []
         if len(self._seabed) == 1:

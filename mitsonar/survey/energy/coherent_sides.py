@@ -17,7 +17,7 @@ from dataclasses import replace
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-from scipy.special import fresnel
+import scipy
 
 from mitsonar.device.arrays import upload
 from mitsonar.imaging.energy_record import CoherentSums, joined
@@ -94,7 +94,7 @@ class CoherentSides:
         # distance from straight above at which the platform's middle plane meets the surface, in Fresnel's units below
         height, up = np.maximum(-position[:, 2], 1e-3), rotation[:, 2]
         aside = height * up[:, 1] / np.maximum(np.hypot(up[:, 0], up[:, 2]), 1e-9)
-        sine, cosine = fresnel(aside * np.sqrt(4 / (self._survey.sonar.wavelength * height)))
+        sine, cosine = scipy.special.fresnel(aside * np.sqrt(4 / (self._survey.sonar.wavelength * height)))
         starboard = 0.5 + (cosine - 1j * sine) / (1 - 1j)
         label = dr.full(mi.UInt32, self._survey.world.surface_label, len(position))
         for side, share in ((-1.0, 1 - starboard), (1.0, starboard)):

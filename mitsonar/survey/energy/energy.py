@@ -24,7 +24,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mitsonar.device.arrays import arrays_of, upload
+from mitsonar.device.arrays import arrays_of, give_back_memory, upload
 from mitsonar.echoes.paths import Paths
 from mitsonar.echoes.sums.energy_sums import EchoSums, SummedEnergy
 from mitsonar.echoes.sums.origin_sums import OriginSums, sector
@@ -96,6 +96,9 @@ def record(survey: Survey, rows: Rows, seed: int = 0,
            progress: Callable[[int, int], None] | None = None) -> EnergyRecord:
     """Compute the energy record of a survey."""
     pings, block = survey.track.pings, energy_blocks(survey, rows, int(seed))
+    long = pings > rows.pings_per_block
+    if long:
+        give_back_memory()             # that of the plan, before blocks need as much
 
     def blocks() -> Iterator[EnergyRecord]:
         for stretch in survey.stretches():
@@ -107,6 +110,8 @@ def record(survey: Survey, rows: Rows, seed: int = 0,
 
     whole = gathered(blocks(), pings=pings, rows=rows.per_ping)
     dr.flush_malloc_cache()            # blocks are large: Dr.Jit would keep their memory beside what the picture needs
+    if long:
+        give_back_memory()
     return whole
 
 

@@ -118,7 +118,7 @@ class SideWater:
 RAYS_PER_BLOCK = 1 << 23           # a second of work for two threads: rays leave nothing in memory
 WATER_PER_BLOCK, BOUNCES_PER_BLOCK = 1 << 21, 1 << 19      # rays of water echoes and of bounces do use memory
 SUMS_PER_BLOCK = 1 << 23           # integers: bounds a block's memory where shapes and bins are many
-TABLES_PER_BLOCK = 128             # tables of rays, a megabyte each: bounds memory where pings differ in depth
+TABLES_PER_BLOCK = 32              # tables of rays, a megabyte each: bounds memory where pings differ in depth
 MOST_SUMS = 1 << 32                # range of an index
 THREADS_OWN = 1 << 20              # words of the largest array of sums that each thread copies; a larger one is slower
 

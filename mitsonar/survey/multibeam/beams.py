@@ -4,7 +4,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import ndimage
+import scipy
 
 from mitsonar.device.chance import sonar_seed
 from mitsonar.imaging.energy_record import EnergyRecord
@@ -124,5 +124,5 @@ def _side_lobes(place: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.n
                             for part in np.array_split(gap, -(-len(gap) // 1024))])
     level = level / np.abs(weight).sum() ** 2
     main = np.flatnonzero(level < MAIN_LOBE)[0]
-    joined = ndimage.maximum_filter1d(level, FINER + 1, mode="nearest")
+    joined = scipy.ndimage.maximum_filter1d(level, FINER + 1, mode="nearest")
     return gap, np.where(np.arange(len(gap)) < main, 0.0, np.minimum(joined, MAIN_LOBE))

@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mitsonar.hydrography.detection.bottom_track import reduced
+from mitsonar.hydrography.detection.bottom_track import BottomEchoes, reduced
 from mitsonar.hydrography.detection.detection import Detections, Head, detect
-from mitsonar.hydrography.detection.side_lobes import mean_between, of_main_lobes, through_side_lobes
+from mitsonar.hydrography.detection.side_lobes import SummedEchoes, of_main_lobes, through_side_lobes
 from mitsonar.signal.matched_filtering import compression
 from mitsonar.units import power_from_db
 
@@ -51,35 +51,38 @@ class SwathBeams:
     def measure(self, ping: int) -> BeamMeasurement:
         """Measure a ping."""
         beams = [(sector.halves(ping, self._seed), sector.time) for sector in self._sectors.at(ping)]
-        detected = [self._detected(number, halves, ping) for number, (halves, _) in enumerate(beams)]
-        detected = self._of_main_lobes(detected, beams, ping)
+        sums = [reduced((halves.port, halves.starboard), time, length)
+                for (halves, time), length in zip(beams, self._lengths)]
+        detected = [self._detected(number, halves, ping, sums[number]) for number, (halves, _) in enumerate(beams)]
+        detected = self._of_main_lobes(detected, beams, sums, ping)
         rows = [self._columns(number, detections, ping) for number, detections in enumerate(detected)]
         columns = {name: np.concatenate([row[name] for row in rows]) for name in rows[0]}
         return BeamMeasurement(halves=beams, pulse_length=self._lengths, **columns)
 
-    def _detected(self, number: int, halves: Halves, ping: int, without: np.ndarray | None = None) -> Detections:
+    def _detected(self, number: int, halves: Halves, ping: int, sums: BottomEchoes,
+                  without: np.ndarray | None = None) -> Detections:
         """Detect the bed in a sector's beams, except `without` (B,), within the depth gate."""
         sector, gate = self._sectors.at(ping)[number], self._survey.depth_gate
         sines, speed = sector.run.sines[ping], sector.survey.sound_speed(ping)
         head = Head(pulse_length=self._lengths[number], beam_width=sector.beam_width(sines), baseline=sector.baseline,
                     transmit_width=sector.transmit_width, gate=None if gate is None else
                     (2 * gate[0] / speed, float(sector.time[-1])))
-        found = detect((halves.port, halves.starboard), time=sector.time, sines=sines, head=head, without=without)
+        found = detect((halves.port, halves.starboard), time=sector.time, sines=sines, head=head, without=without,
+                       sums=sums)
         if gate is None:
             return found
         depth = 0.5 * speed * found.time * np.sqrt(1 - np.minimum(sines ** 2, 1))
         return replace(found, valid=found.valid & (depth >= gate[0]) & (depth <= gate[1]))
 
     def _of_main_lobes(self, detected: list[Detections], beams: list[tuple[Halves, np.ndarray]],
-                       ping: int) -> list[Detections]:
+                       sums: list[BottomEchoes], ping: int) -> list[Detections]:
         """Return the detections without those that may be echoes received by side lobes.
 
         A sector transmits across the whole swath, and its beams receive through side lobes the echoes from where
         another sector's beams look. Detection also takes slopes at the edge of a bed from the beams beyond the edge: a
         sector with such beams is detected once more, without them.
         """
-        echoes = [reduced((halves.port, halves.starboard), time, length)
-                  for (halves, time), length in zip(beams, self._lengths)]
+        echoes = [SummedEchoes.of(one) for one in sums]
         sectors = self._sectors.at(ping)
         level = [sector.survey.source_level_db for sector in sectors]
         checked = []
@@ -87,14 +90,16 @@ class SwathBeams:
             sines, time = sector.run.sines[ping], sector.time
             begin, end = time[found.begin], time[np.maximum(found.end - 1, found.begin)]
             brought = np.zeros(len(sines))
-            for other, (echo, source) in enumerate(zip(echoes, sectors)):
+            between = [echo.mean_between(begin, end) for echo in echoes]
+            for other, source in enumerate(sectors):
                 others = source.run.sines[ping]
-                intensity = mean_between(echo, begin, end) * power_from_db(level[number] - level[other])
+                intensity = between[other] * power_from_db(level[number] - level[other])
                 brought = np.maximum(brought, through_side_lobes(sector.side_lobes(sines, others), intensity,
                                                                  _share(others, sector.lobe_width)))
-            own = np.diagonal(mean_between(echoes[number], begin, end))
+            own = np.diagonal(between[number])
             main = of_main_lobes(own, brought, _share(sines, sector.lobe_width))
-            again = found if main.all() else self._detected(number, beams[number][0], ping, ~main)
+            again = found if main.all() else self._detected(number, beams[number][0], ping, sums[number],
+                                                                         ~main)
             checked.append(replace(again, valid=again.valid & main))
         return checked
 

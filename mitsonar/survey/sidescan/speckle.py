@@ -38,7 +38,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mitsonar.device.arrays import arrays_of, compressed, held, looped, upload
+from mitsonar.device.arrays import arrays_of, compressed, give_back_memory, held, looped, upload
 from mitsonar.device.chance import scrambled
 from mitsonar.device.rotations import rotated
 from mitsonar.device.types import UInt32
@@ -60,6 +60,7 @@ from .side_beam import NEAREST, GateBeam, main_lobe
 from .water_speckle import WaterCells
 
 BLOCK = 64                         # facets that are tested together
+MANY = 1 << 12                     # blocks of facets
 TESTED = 1 << 23                   # blocks of facets tested at a time
 THREADS_OWN = 1 << 20              # words of sums of which each thread has a copy; with more of them, sums are slower
 FEW = 2.0                          # scatterers of a triangle that is not cut further
@@ -133,6 +134,8 @@ class SideSpeckle:
             0.5 * start * survey.waters.slowest * (1 - drift), reach * (1 + drift)))
         self._water = WaterCells(survey)
         self._sort(reach * (1 + 3 * drift))
+        if self._blocks > MANY:
+            give_back_memory()          # as much again as is kept
 
     def _sort(self, farthest: float) -> None:
         """Sort the facets that scatter within `farthest` [m] of the track into blocks of neighbours, each in a ball."""

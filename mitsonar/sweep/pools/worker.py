@@ -99,22 +99,25 @@ def _do(job, threads):
     if job["soundings"] is not None:
         made = sounding_jobs.line(job, scene, path)
         return made if job["trial"] else {**made, **_content(path)}
-    dataset = render(scene, seed=job["seed"])
+    dataset, made = render(scene, seed=job["seed"]), {}
     if job["labels"] is not None:
         from mitsonar.device.files import replacing
         from mitsonar.labels.samples import write_sample
 
+        from ..meshes import meshes_of
         from ..products import sample_rules
 
         with replacing(path) as temporary, open(temporary, "wb") as stream:
-            write_sample(dataset, stream, os.path.splitext(job["output"])[0], sample_rules(*job["labels"]))
+            tally = write_sample(dataset, stream, os.path.splitext(job["output"])[0], sample_rules(*job["labels"]),
+                                 meshes_of(scene, job["scene"], job["parameters"]))
+        made["labelled"] = tally.record()
     else:
         exr.write(dataset, path)
     if job["preview"] is not None:
         from mitsonar import plots
 
         plots.preview(dataset, os.path.join(job["folder"], job["preview"]))
-    return {**_content(path), "instruction_set": dataset.attrs["instruction_set"]}
+    return {**made, **_content(path), "instruction_set": dataset.attrs["instruction_set"]}
 
 
 def _content(path):

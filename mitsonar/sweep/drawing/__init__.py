@@ -1,0 +1,1 @@
+"""Values of a render's parameters: computed, chosen by cases, and drawn together."""
