@@ -35,7 +35,8 @@ class RenderedImages(torch.utils.data.IterableDataset):
         self.negatives = (plan.labels or {}).get("negatives", ())
         self.complete = classes is None                # the plan promises that objects have no other classes
         self.classes = classes or tuple(name for name in plan.classes or () if name not in self.negatives)
-        self.form, self.cell = form, cell
+        self.form: Form | None = form
+        self.cell = cell
         self.endless, self.shuffle, self.threads = endless, shuffle, threads
         self.rank, self.world_size = _place(rank, world_size)
         if threads is not None and threads < 2:
@@ -175,14 +176,13 @@ class RenderedImages(torch.utils.data.IterableDataset):
 
 def _place(rank: int | None, world_size: int | None) -> tuple[int, int]:
     """Return rank and number of processes, from PyTorch or torchrun where they are not given."""
-    if (rank is None) != (world_size is None):
-        raise ValueError(f"the rank is {rank} and the number of processes {world_size}; give both or none.")
     if rank is None or world_size is None:
+        if rank is not None or world_size is not None:
+            raise ValueError(f"the rank is {rank} and the number of processes {world_size}; give both or none.")
         if torch.distributed.is_available() and torch.distributed.is_initialized():
-            rank, world_size = torch.distributed.get_rank(), torch.distributed.get_world_size()
+            rank, world_size = int(torch.distributed.get_rank()), int(torch.distributed.get_world_size())
         else:
-            rank, world_size = (int(os.environ.get(name, default))
-                                for name, default in (("RANK", 0), ("WORLD_SIZE", 1)))
+            rank, world_size = int(os.environ.get("RANK", 0)), int(os.environ.get("WORLD_SIZE", 1))
     if not 0 <= rank < world_size:
         raise ValueError(f"the rank is {rank} of {world_size} processes; give one from 0 to {world_size - 1}.")
     return rank, world_size

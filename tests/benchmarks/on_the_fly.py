@@ -19,7 +19,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "inputs"))
 from measuring import machine, table  # noqa: E402  (found by the path above)
 from small_scene import TEXT  # noqa: E402  (found by the path above)
 
-import mitsonar  # noqa: E402
+import mitsonar  # noqa: E402  (found by the path above)
 
 PLAN = """
 scene = "scene.xml"

@@ -129,6 +129,23 @@ def test_no_image_comes_twice_across_workers_and_epochs(plan, torch):
     assert set(data) == set(seen[1])
 
 
+@pytest.mark.slow
+def test_torchdata_resumes_in_the_middle_of_an_epoch(plan, torch):
+    loading = pytest.importorskip("torchdata.stateful_dataloader").StatefulDataLoader
+
+    def loader():
+        data = rendering(plan(samples=4), image=numbers, target=None)
+        return loading(data, batch_size=None, num_workers=2, multiprocessing_context="spawn")
+
+    stopped = loader()
+    images = iter(stopped)
+    first = [next(images) for _ in range(3)]
+    state, rest = stopped.state_dict(), list(images)
+    resumed = loader()
+    resumed.load_state_dict(state)
+    assert list(resumed) == rest and len({*first, *rest}) == 8
+
+
 def test_ranks_and_workers_part_every_epoch_evenly(plan, torch):
     ranks = [rendering(plan(samples=5), rank=rank, world_size=3) for rank in range(3)]
     for epoch in range(3):
