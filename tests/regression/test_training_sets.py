@@ -63,7 +63,7 @@ def test_a_tiny_picture_of_a_plan_has_labelled_targets(variant, name):
     _, parameters = loaded(plan, 3)
     record = mitsonar.render(mitsonar.load_file(plan.scene, **{**parameters, **TINY[name]}), seed=1)
     held = io.BytesIO()
-    assert write_sample(record, held, "0003", sample_rules({**plan.labels, "smallest": 1}, plan.classes)) == 1
+    assert write_sample(record, held, "0003", sample_rules({**plan.labels, "smallest": 1}, plan.classes)).pictures == 1
     held.seek(0)
     with tarfile.open(fileobj=held) as tar:
         name, = (name for name in tar.getnames() if name.endswith(".json"))
