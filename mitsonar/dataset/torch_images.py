@@ -86,7 +86,7 @@ class TorchImages(torch.utils.data.Dataset):
         if self.target == "class":
             numbers = np.zeros(1 + max(map(int, dataset.attrs["classes"]), default=0), np.int64)
             for class_number, name in dataset.attrs["classes"].items():
-                if name in self.images.classes:
+                if (name := self._named(name)) in self.images.classes:
                     numbers[int(class_number)] = 1 + self.images.classes.index(name)
             return torch.as_tensor(numbers[values])
         return torch.as_tensor(values.astype(np.int64 if values.dtype.kind in "iub" else np.float32))
@@ -102,13 +102,18 @@ class TorchImages(torch.utils.data.Dataset):
         pieces, = annotations(dataset, frames, threshold=rules.threshold, smallest=rules.smallest,
                               above_noise_db=rules.above_noise_db)
         highlights = [piece for piece in pieces if piece.kind == HIGHLIGHT and piece.shown >= rules.min_visible
-                      and piece.class_name in self.images.object_classes]
+                      and self._named(piece.class_name) in self.images.object_classes]
         masks = np.zeros((len(highlights), frame.height, frame.width), np.uint8)
         boxes = np.zeros((len(highlights), 4), np.float32)
         for mask, box, piece in zip(masks, boxes, highlights, strict=True):
             left, upper, width, height = piece.box
             mask[upper:upper + height, left:left + width] = piece.mask
             box[:] = left, upper, left + width, upper + height
-        labels = np.array([1 + self.images.object_classes.index(piece.class_name) for piece in highlights], np.int64)
+        labels = np.array([1 + self.images.object_classes.index(self._named(piece.class_name))
+                           for piece in highlights], np.int64)
         return {"boxes": torch.as_tensor(boxes), "labels": torch.as_tensor(labels), "masks": torch.as_tensor(masks),
                 "image_id": number}
+
+    def _named(self, class_name):
+        """Return the class that a shape is labelled as; None for negatives that are not."""
+        return self.rules.negative_class if self.rules and class_name in self.rules.negatives else class_name

@@ -32,9 +32,13 @@ class RenderedImages(torch.utils.data.IterableDataset):
                  classes: tuple[str, ...] | None, form: Form | None, cell: float | None, endless: bool, shuffle: bool,
                  rank: int | None, world_size: int | None, threads: int | None):
         self.plan, self.image, self.target, self.transform = plan, image, target, transform
-        self.negatives = (plan.labels or {}).get("negatives", ())
         self.complete = classes is None                # the plan promises that objects have no other classes
-        self.classes = classes or tuple(name for name in plan.classes or () if name not in self.negatives)
+        self.rules: Labels | None = None               # of labels, if the plan has any
+        if plan.labels is not None and plan.classes is not None:
+            rules = sample_rules(plan.labels, plan.classes).labels
+            self.rules = rules if self.complete else dataclasses.replace(rules, negatives=(), negative_class=None)
+        numbered = (plan.classes or ()) if self.rules is None else self.rules.numbered(plan.classes or ())
+        self.classes = classes or tuple(numbered)
         self.form: Form | None = form
         self.cell = cell
         self.endless, self.shuffle, self.threads = endless, shuffle, threads
@@ -91,7 +95,7 @@ class RenderedImages(torch.utils.data.IterableDataset):
     def _images(self, worker, workers, state):
         epoch, done, skipped = state["epoch"], state["done"], state["frames"]
         while True:
-            plan = dataclasses.replace(self.plan, samples=self.plan.samples * (epoch + 1))
+            plan = dataclasses.replace(self.plan, count=len(self.plan) * (epoch + 1))
             share, failed = self.share(epoch, worker, workers), 0
             for number, index in enumerate(share[done:].tolist(), done):
                 self._at = {"epoch": epoch, "done": number, "frames": skipped}
@@ -126,7 +130,7 @@ class RenderedImages(torch.utils.data.IterableDataset):
     def _pair(self, record, index):
         objects = {entry["class"] for entry in (record.attrs.get("objects") or {}).values()}
         if (self.target in ("class", "boxes") and self.complete
-                and (lacking := objects - {*self.classes, *self.negatives})):
+                and (lacking := objects - {*self.classes, *(self.rules.negatives if self.rules else ())})):
             raise ValueError(f"render {index} of {self.plan.path} has objects of the class "
                              f"{', '.join(sorted(lacking))}, which the plan's classes lack; give all of them there, or "
                              "those to learn here.")
@@ -134,15 +138,10 @@ class RenderedImages(torch.utils.data.IterableDataset):
                             sources={index: SimpleNamespace(path=f"render {index} of {self.plan.path}")},
                             classes=self.classes, object_classes=self.classes)
         return TorchImages(one, image=self.image, target=self.target, transform=self.transform,
-                           rules=self._rules())[index]
-
-    def _rules(self) -> Labels | None:
-        """Return the plan's rules of labels, if it has any."""
-        given, classes = self.plan.labels, self.plan.classes
-        return None if given is None or classes is None else sample_rules(given, classes).labels
+                           rules=self.rules)[index]
 
     def _check_epoch(self, epoch):
-        if epoch and not isinstance(self.plan.seeds, int) and not self.plan.draws:
+        if epoch and any(not isinstance(recipe.seeds, int) and not recipe.rules for recipe in self.plan.recipes):
             raise ValueError(f"{self.plan.path} draws nothing and lists its seeds, so that every epoch after the first "
                              "would repeat its images; add [draw], or give the number of seeds.")
 

@@ -104,6 +104,11 @@ def test_rules_of_the_plan_and_transforms_hold(plan, torch):
     output = 'output = "{index}.tar"'
     few = rendering(plan(head=output + "\n[labels]\nsmallest = 100000"), target="boxes")
     assert not any(len(target["boxes"]) for _, target in few)
+    for more, number in (("", []), ('negative_class = "clutter"', [2])):
+        clutter = plan(head=f'{output}\n[labels]\nnegatives = ["crate"]\n{more}', text=PLAN.replace('"crate", ', ""))
+        for target in ("boxes", "class"):
+            shown = next(iter(rendering(clutter, target=target)))[1]
+            assert (shown["labels"].tolist() if target == "boxes" else shown.unique().tolist()[1:]) == number
     data = rendering(plan(head=output), target="boxes", transform=lambda image, target: len(target["boxes"]))
     assert list(data) == [1, 1, 1, 1]
 
