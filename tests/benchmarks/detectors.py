@@ -64,7 +64,7 @@ def boxes(score, level):
     parts = [((rows, columns), mask) for (rows, columns), mask in parts if mask.sum() >= SMALLEST]
     return (np.array([(columns.start, rows.start, columns.stop - columns.start, rows.stop - rows.start)
                       for (rows, columns), _ in parts]).reshape(-1, 4),
-            np.array([score[part][mask].mean() * np.sqrt(mask.sum()) for part, mask in parts]))
+            np.array([score[part][mask].mean() for part, mask in parts]))
 
 
 def judged(found, truth, least):
