@@ -72,3 +72,11 @@ def test_a_flat_bed_hides_nothing_of_itself():
 
 def test_without_a_seabed_there_is_no_horizon():
     assert BedHorizon(Geometry(scenes.array_sonar({"rock": scenes.bed(20.0)})), REACH).around(ORIGIN, straight) is None
+
+
+def test_a_field_without_targets_leaves_the_horizon_as_it_is():
+    """The same bits: its buried speck is no part of the bed, for which a bed of a grid would be sampled by rays."""
+    empty = {"type": "targets", "species": "rounded_stone", "count": 0, "bed": {"type": "ref", "id": "seabed"}}
+    sines = [BedHorizon(Geometry(scenes.array_sonar({"seabed": rippled(), **more})), REACH).around(
+        ORIGIN, straight).sine.numpy() for more in ({}, {"stones": empty})]
+    assert (sines[0] == sines[1]).all()
