@@ -2,6 +2,8 @@
 
 What is left is what four taps in time leave of any echo, in beams as in the responses of elements: -57 dB of its peak.
 """
+from dataclasses import replace
+
 import drjit as dr
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from scipy import fft
 
 from mitsonar.device.arrays import arrays_of
 from mitsonar.signal.beam_grid import NoiseDensity
+from mitsonar.signal.beam_grid.line_response import LineResponse, ResponseRows, response_of
 from mitsonar.signal.reception import absorbed
 from mitsonar.sonar.pulses.pulses import cw, hfm, lfm
 
@@ -175,3 +178,18 @@ def test_beams_of_halves_are_those_of_the_exact_sum(lib, sines):
     for number, weight in enumerate(weights):
         expected = sum(Line(lib, weight=weight, sines=sines).exact(*echo) for echo in echoes)
         assert worst_db(found[number], expected) < -50              # each of the three is within -54 dB, as alone
+
+
+def test_a_line_is_kept_for_the_next_image_and_made_anew_for_another():
+    rows = ResponseRows(step=0.01, period=256, before=128)
+    position, wavenumber = np.linspace(-0.05, 0.05, 24), np.linspace(190.0, 210.0, 5)
+    weight, other = np.ones(24), np.hanning(26)[1:-1]
+    kept = response_of(position, weight, wavenumber, rows, 1)
+    assert response_of(position.copy(), weight.copy(), wavenumber.copy(), replace(rows), 1) is kept
+    assert response_of(position, other, wavenumber, rows, 1) is not kept
+    for farthest in (0.5, 0.9, 0.5):
+        fresh = LineResponse(position, weight, wavenumber, rows).own_noise(farthest)
+        assert (kept.own_noise(farthest) == fresh).all()
+    for number in range(20):
+        response_of(position, weight, wavenumber + number, rows, 1)
+    assert response_of(position, weight, wavenumber, rows, 1) is not kept

@@ -9,6 +9,7 @@ import drjit as dr
 import pytest
 from exhaustive import thinned
 from numbered_scenes import KINDS, numbered
+from sonar_scenes import forward_looking, lambert, sidescan
 
 import mitsonar
 
@@ -34,3 +35,18 @@ def test_scenes_that_differ_in_numbers_alone_share_their_kernels(variant, rng, k
         gc.collect()               # materials of a scene that is still there count on from those of the one before
         first = first or found
         assert len(found - first) == 0, f"scene {number} of {kind} compiles {len(found - first)} kernels anew"
+
+
+@pytest.mark.parametrize("sonar", [forward_looking, sidescan])
+def test_fields_of_other_numbers_of_targets_share_their_kernels(variant, sonar):
+    first = None
+    for number, count in enumerate((2, 3, 5)):
+        shapes = {"seabed": {"type": "seabed", "depth": 14.0, "length": 60.0, "width": 60.0,
+                             "spacing": 1.0 - 0.1 * number, "bsdf": lambert(-27.0 - number)},
+                  "stones": {"type": "targets", "species": "rounded_stone", "count": count, "seed": number,
+                             "area": "4, 4, 14, 14", "bed": {"type": "ref", "id": "seabed"}, "bsdf": lambert(-15.0)}}
+        options = ({"sensor": {"receive_elements": 6, "beams": 9}, "integrator": {"cell": 0.3}}
+                   if sonar is forward_looking else {"film": {"bins": 60, "range": 25.0}, "integrator": {"rays": 2000}})
+        found = kernels(sonar(shapes, depth=10.0, **options), number)
+        first = first or found
+        assert len(found - first) == 0, f"{count} targets compile {len(found - first)} kernels anew"

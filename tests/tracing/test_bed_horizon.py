@@ -96,3 +96,11 @@ def test_nothing_is_known_under_a_bed_with_a_hole():
     bed = BedHorizon(whole, REACH)
     assert bed._lowest([(index, shape, first, count)]) is not None
     assert bed._lowest([(index, shape, first, count - 2)]) is None
+
+
+def test_a_field_without_targets_leaves_the_horizon_as_it_is():
+    """The same bits: its buried speck is no part of the bed, for which a bed of a grid would be sampled by rays."""
+    empty = {"type": "targets", "species": "rounded_stone", "count": 0, "bed": {"type": "ref", "id": "seabed"}}
+    sines = [BedHorizon(Geometry(scenes.array_sonar({"seabed": rippled(), **more})), REACH).around(
+        ORIGIN, straight).sine.numpy() for more in ({}, {"stones": empty})]
+    assert (sines[0] == sines[1]).all()

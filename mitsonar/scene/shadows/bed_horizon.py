@@ -23,6 +23,7 @@ from mitsonar.device.arrays import arrays_of, held, upload
 
 from ..geometry import Geometry
 from ..labels import SEABED
+from ..protocols import strewn_shape
 from ..two_scenes import scene_of
 
 AZIMUTHS = 2048
@@ -70,7 +71,8 @@ class BedHorizon:
     def __init__(self, geometry: Geometry, farthest: float):
         self.lib, self.farthest = arrays_of(mi.Float), float(farthest)
         kinds = geometry.named.label_kinds()
-        beds = [shape for shape in geometry.scene.shapes() if kinds[geometry.named.of(shape)] == SEABED]
+        beds = [shape for shape in geometry.scene.shapes() if kinds[geometry.named.of(shape)] == SEABED
+                and strewn_shape(shape) is None]                   # a field without targets lies below the bed
         self.exists = bool(beds)
         if not beds:
             return

@@ -28,7 +28,7 @@ from mitsonar.sonar.pulses.pulse import Pulse, Window
 from ..impulses import BandLimited, Bell
 from .grids import MARGIN, BeamGrid, GridShape
 from .kernels import Noise, Reading, Sizes, Waves, by_beam, by_frequency, through_the_line
-from .line_response import FADE, FINER, OVERSAMPLING, LineResponse, ResponseRows, stride_of
+from .line_response import FADE, FINER, OVERSAMPLING, ResponseRows, response_of, stride_of
 from .noise import NoiseDensity
 from .pulse_response import PulseResponse
 from .transforms import transformed
@@ -65,7 +65,7 @@ class LineBeams:
         # the middle of where beams are is the middle of how far they lie from echoes
         before = self.period // 2 - int(round(0.25 * sum(self._within) * steps))
         rows = ResponseRows(step=step, period=self.period, before=before)
-        self.lines = [LineResponse(position, one, wavenumber, rows, self._stride) for one in weights]
+        self.lines = [response_of(position, one, wavenumber, rows, self._stride) for one in weights]
         self.line = self.lines[0]
         terms = None if absorption_db is None else self.pulse.weaken(absorption_db, sound_speed, start, MARGIN)
         self.shape = GridShape(rows=steps + 1 + 2 * EDGE, samples=samples, length=self.length,

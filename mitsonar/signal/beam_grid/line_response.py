@@ -26,6 +26,7 @@ BLOCK = 1 << 21                    # numbers worked on at once
 OVERSAMPLING = 1.9                 # rows over those that a line resolves
 FADE = 64                          # rows, at both ends together
 ROLL_OFF = 0.03, 0.15              # [cycles a row], of the band: width of the roll-off
+KEPT, MOST_KEPT = 8, 1 << 21       # responses that are kept for the next image, and numbers in one of them
 WIDE = 0.2, 0.7                    # the same for lines so short that a fading pattern is wider than they
 
 
@@ -72,6 +73,7 @@ class LineResponse:
         values = fft.fft(self._pattern(weight / self._scale, own) * _taper(own, self._fade), axis=1,
                          overwrite_x=True)
         self.values = np.ascontiguousarray(values[:, self.used] * (roll / self.spectrum).astype(np.float32))
+        self._noise: dict[float, np.ndarray] = {}
 
     def own_noise(self, farthest: float) -> np.ndarray:
         """Return the power of white noise of variance 1 at every element, read from rows at the ν used: (F, U) [-].
@@ -80,6 +82,11 @@ class LineResponse:
         positive: alternating projections meet both conditions. Accurate to 0.01 of the level for 32 elements and more,
         to 0.1 for a few elements, at beams far from each other.
         """
+        if farthest not in self._noise:
+            self._noise = {farthest: self._projected_noise(farthest)}
+        return self._noise[farthest]
+
+    def _projected_noise(self, farthest: float) -> np.ndarray:
         rows = replace(self.rows, before=self.rows.period // 2)
         wanted = self._pattern(np.abs(self._weight / self._scale) ** 2, rows)
         near = np.abs(rows.numbers) * rows.step <= farthest
@@ -105,6 +112,21 @@ class LineResponse:
         for part in np.array_split(np.arange(len(wavenumber)), -(-values.size // BLOCK)):
             values[part] = pattern(np.multiply.outer(wavenumber[part] * rows.step, number))
         return values * np.exp(2j * np.pi * self._turn * number).astype(np.complex64) if self.middle else values
+
+
+_kept: dict[tuple[object, ...], LineResponse] = {}         # the last ones: images of one sonar share them
+
+
+def response_of(position: np.ndarray, weight: np.ndarray, wavenumber: np.ndarray, rows: ResponseRows,
+                stride: int) -> LineResponse:
+    """Return the response of a line, which is made once for images of the same line, pulse and water."""
+    asked = *((part.dtype.str, part.tobytes()) for part in (position, weight, wavenumber)), rows, stride
+    made = _kept.pop(asked, None) or LineResponse(position, weight, wavenumber, rows, stride)
+    if made.values.size <= MOST_KEPT:
+        _kept[asked] = made
+        for oldest in list(_kept)[:-KEPT]:
+            _kept.pop(oldest, None)
+    return made
 
 
 def stride_of(position: np.ndarray, weights: np.ndarray) -> int:
