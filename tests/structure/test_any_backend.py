@@ -30,8 +30,8 @@ def of_one_backend(tree):
     for node in ast.walk(tree):
         names = [node.module or ""] if isinstance(node, ast.ImportFrom) else [
             name.name for name in node.names] if isinstance(node, ast.Import) else []
-        if isinstance(node, ast.Attribute):
-            names = [ast.unparse(node)]
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
+            names = [f"{node.value.id}.{node.attr}"]
         yield from (name for name in names if name.split(".")[:2] in (
             ["drjit", "llvm"], ["drjit", "cuda"], ["dr", "llvm"], ["dr", "cuda"]))
 

@@ -37,8 +37,8 @@ class Blur:
         self.lobe = int(np.abs(np.flatnonzero(middle > HALF_POWER * middle.max()) - self.reach).max())
         spread = np.sinc(bandwidth_share * np.arange(-REACH, REACH + 1)) ** 2
         self._spread = (spread / spread.sum()).astype(np.float32)
-        beam, other = np.indices(band.shape)
-        other += beam - self.reach
+        place = np.indices(band.shape)
+        beam, other = place[0], place[0] + place[1] - self.reach
         kept = (other >= 0) & (other < self.beams)
         self._mix = sparse.csr_array((band[kept].astype(np.float32), (beam[kept], other[kept])),
                                      shape=(self.beams, self.beams))

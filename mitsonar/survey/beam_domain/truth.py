@@ -126,13 +126,14 @@ class FrameBins:
         number = sector(echoes.launch_sine, dr.opaque(mi.Float, depth_below), dr.opaque(mi.Float, farthest))
         mask = dr.zeros(mi.UInt64, sum_size(self.cells))
         # the sums are too large for copies of each thread
-        direct = dict(index=cell, active=active, mode=dr.ReduceMode.Direct)
-        dr.scatter_reduce(dr.ReduceOp.Or, mask, mi.UInt64(1) << mi.UInt64(number // FEWER_SECTORS), **direct)
+        direct = dr.ReduceMode.Direct
+        dr.scatter_reduce(dr.ReduceOp.Or, mask, mi.UInt64(1) << mi.UInt64(number // FEWER_SECTORS), cell, active,
+                          direct)
         # of all echoes, and of those in the main lobe
         each = [mi.UInt32(1)] if in_lobe is None else [mi.UInt32(1), mi.UInt32(in_lobe)]
         counts = [dr.zeros(mi.UInt32, sum_size(self.cells)) for _ in each]
         for count, one in zip(counts, each):
-            dr.scatter_add(count, one, **direct)
+            dr.scatter_add(count, one, cell, active, direct)
         dr.eval(mask, counts)
         lib, index = arrays_of(mi.Float), dr.arange(mi.UInt32, self.cells)
         row, column = divided(lib, index, self.bins)
