@@ -86,11 +86,13 @@ class BedHorizon:
         if self._grid is not None:
             self._step = (self._high - self._low)[:2] / (np.array(self._grid.shape[::-1]) - 1)
         self._window: tuple[tuple[int, ...], mi.Float] | None = None
-        self._floor = self._lowest(meshes) if self._grid is not None and 0 not in self._grid.shape else None
+        self._floor = self._lowest(meshes)
 
     def _lowest(self, meshes: list) -> tuple[mi.Float, np.ndarray] | None:
         """Return the least heights in blocks of the grid's cells, and their sizes [m]; None if the grid has holes."""
         grid = self._grid
+        if grid is None or 0 in grid.shape:
+            return None
         rows, columns = np.array(grid.shape) - 1
         if meshes[0][3] != 2 * rows * columns:
             return None
