@@ -33,7 +33,7 @@ class Kind(NamedTuple):
     labels: dict[str, object] | None = None
 
 
-SEED = (0, 1_000_000)              # whole numbers are drawn as such
+SEED = (0, 1_000_000)              # a whole number is drawn
 KINDS = {
     "sidescan": Kind("minefield", {"pings": 20, "rays": 20_000}, {
         "bed_seed": SEED, "target_seed": SEED, "motion_seed": SEED, "altitude": (4.0, 8.0), "sand_db": (-28.0, -22.0),
@@ -78,7 +78,7 @@ class Image(NamedTuple):
 def numbers(kind: Kind, index: int) -> dict[str, float]:
     """Draw the numbers of an image."""
     chance = np.random.default_rng([1, index])
-    return {name: int(chance.integers(*span)) if isinstance(span[0], int) else float(chance.uniform(*span))
+    return {name: int(chance.integers(SEED[1])) if span is SEED else float(chance.uniform(*span))
             for name, span in kind.drawn.items()}
 
 
