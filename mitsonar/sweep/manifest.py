@@ -139,12 +139,32 @@ def read_all(folder: FilePath, part: Part = WHOLE) -> tuple[dict[str, ManifestEn
     A finished render counts before a failed one. The length is that of the run's own manifest.
     """
     folder, entries, damaged, complete = os.fspath(folder), {}, 0, 0
-    for name in dict.fromkeys([*(manifests(folder) if part.whole else [MANIFEST]), part.manifest]):
+    for name in _names(folder, part):
         found, bad, complete = read(os.path.join(folder, name))
         damaged += bad
         entries |= {output: entry for output, entry in found.items()
                     if entry.status == "ok" or output not in entries or entries[output].status != "ok"}
     return entries, damaged, complete
+
+
+def _names(folder, part):
+    """Return the names of the manifests that a run reads; those that count more come later."""
+    return list(dict.fromkeys([*(manifests(folder) if part.whole else [MANIFEST]), part.manifest]))
+
+
+def moved(folder: str, part: Part, subsets: Mapping[str, str | None], plan: str) -> Iterator[dict[str, Any]]:
+    """Yield the contents of the last lines about finished outputs, with subsets of a plan that has changed."""
+    last = {line.output: line for name in (_names(folder, part) if subsets else ()) for line in
+            lines(os.path.join(folder, name))
+            if line.output in subsets and line.entry is not None and line.entry.status == "ok"}
+    for output, line in last.items():
+        yield in_subset(line.record(), subsets[output], plan)
+
+
+def in_subset(record: Mapping[str, Any], split: str | None, plan: str) -> dict[str, Any]:
+    """Return the content of a line for a subset of a plan with that stamp."""
+    rest = {name: item for name, item in record.items() if name != "split"}
+    return {**rest, "plan": plan, **({"split": split} if split is not None else {})}
 
 
 def read(path: FilePath) -> tuple[dict[str, ManifestEntry], int, int]:

@@ -174,6 +174,26 @@ def test_parts_merge_resume_and_manifest_work_with_scenes(sweep, place):
     assert sweep("whole", SCENES.replace("40", "50") + SPLIT).done == 10
 
 
+def test_a_changed_split_moves_what_is_finished(sweep, place):
+    """Without a group no parameter depends on the split, so that nothing is rendered anew."""
+    text, said = 'scene = "scene.xml"\nsamples = 40\n[draw]\nrays = { integer = [1, 1000000] }\n', []
+
+    def agree(folder):
+        _, records = left(place / folder)
+        return all(records[render.output].get("split") == render.split for render in
+                   renders(load_plan(place / "plan.toml")))
+
+    sweep("out", text)
+    for shares in ("train = 0.8\nval = 0.2", "train = 0.5\nval = 0.5", "train = 0.8\nval = 0.2"):
+        outcome = sweep("out", f"{text}[split]\n{shares}\n", say=said.append)
+        assert (outcome.kept, outcome.done) == (40, 0) and agree("out")
+    assert len(said) == 3 and "40 finished renders are in another subset than before" in said[0]
+    assert sweep("out", text, say=said.append).done == 0 and agree("out")
+    sweep("parts", text, part=Part(number=1, count=2))
+    sweep("parts", f"{text}[split]\ntrain = 0.8\nval = 0.2\n", part=Part(number=2, count=2))
+    assert merging.merge(place / "plan.toml", [place / "parts"]).joined == 40 and agree("parts")
+
+
 def test_every_scene_is_loaded_before_a_sweep_starts(sweep, place, monkeypatch):
     class Picky(Pool):
         def submit(self, job):
