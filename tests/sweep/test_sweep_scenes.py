@@ -363,6 +363,26 @@ def test_too_few_groups_for_all_subsets_are_refused(plan, values):
         plan(f'scene = "scene.xml"\n{values}{SPLIT}')
 
 
+@pytest.mark.parametrize("values", ["round(0 * range)", "round(range / 60)"])
+def test_drawn_groups_of_too_few_values_are_refused(plan, values):
+    with pytest.raises(ValueError, match=r"so few different values of rays in the scene scene that none is for \w+;"):
+        plan(f'scene = "scene.xml"\nsamples = 100\n[draw]\nrange = {{ uniform = [1, 60] }}\n'
+             f'rays = {{ of = "{values}" }}{SPLIT}')
+
+
+def test_a_group_is_one_however_it_is_written(plan):
+    """Also if one scene is given what is another one's default."""
+    text = 'renders = 400\n[draw]\nrays = {{ integer = [1, 60] }}\n[[scenes]]\nname = "a"\nscene = "scene.xml"\n{}' \
+        '[[scenes]]\nname = "b"\nscene = "scene.xml"\n{}'
+    default = float(plan('scene = "scene.xml"\n').inputs.defaults()["range"])
+    given = text.format("", f"[scenes.set]\nrange = {default}\n") + SPLIT.replace('"rays"', '"rays", "range"')
+    assert {len(subsets) for subsets in homes(renders(plan(given)), "rays").values()} == {1}
+    grids = ("[scenes.grid]\nrange = [30, 40, 50]\n", "[scenes.grid]\nrange = [30.0, 40.0, 50.0]\n")
+    found = renders(plan(text.format(*grids) + SPLIT.replace("rays", "range")))
+    assert {len(subsets) for subsets in homes(found, "range").values()} == {1}
+    assert {str(render.parameters["range"]) for render in found} == {"30", "40", "50", "30.0", "40.0", "50.0"}
+
+
 def test_redraw_does_not_move_a_render_to_another_subset(plan):
     with pytest.raises(ValueError, match="redraw names rays, which decides on the subset"):
         plan(f'scene = "scene.xml"\nredraw = ["rays"]\n[draw]\nrays = {{ integer = [1, 100000] }}{SPLIT}')

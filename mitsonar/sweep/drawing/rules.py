@@ -99,11 +99,11 @@ def check_cases(rules: Mapping[str, Rule], columns: Mapping[str, Sequence[Any]])
             raise ValueError(f"{when.where} chooses by {shortened(when.of.text)}, which may have any value; add else")
         else:
             continue
-        unknown = next((case for case in when.cases if case not in values and _number_text(case) not in values), None)
+        unknown = next((case for case in when.cases if case not in values and number_text(case) not in values), None)
         if unknown is not None:
             raise ValueError(f"{when.where} has the case {shortened(unknown)}{meant(unknown, values)}, but "
                              f"{when.of.text} is one of {shortened(', '.join(values))}; give cases of these")
-        lacking = [text for text in values if text not in when.cases and text not in map(_number_text, when.cases)]
+        lacking = [text for text in values if text not in when.cases and text not in map(number_text, when.cases)]
         if lacking and not when.has_else:
             raise ValueError(f"{when.where} has no case {shortened(lacking[0])} of {when.of.text}; add it, or else")
 
@@ -113,7 +113,7 @@ def case_of(given: Any) -> str:
     return str(int(given)) if isinstance(given, float) and given.is_integer() else scenes.text("", given)
 
 
-def _number_text(text):
+def number_text(text):
     """Return the text of a number as `case_of` writes it; other texts as they are."""
     try:
         return case_of(float(text))
@@ -164,7 +164,7 @@ def _chosen(given, where, depth):
     of = expression(given["when"], f"{where}: when")
     parts = {text: _part(case, f"{where}: cases.{text}", depth) for text, case in cases.items()}
     other = _part(given["else"], f"{where}: else", depth) if "else" in given else None
-    by_text = {_number_text(text): part for text, part in parts.items()} | parts
+    by_text = {number_text(text): part for text, part in parts.items()} | parts
     every = [*parts.values(), *([other] if other is not None else [])]
 
     def chosen(chance: Chance, values: Mapping[str, Any]) -> Any:
