@@ -154,9 +154,14 @@ def run(plan: Plan | FilePath, folder: FilePath | None = None, *, processes: int
             if count:
                 renders, were, are = ("render", "was", "is") if count == 1 else ("renders", "were", "are")
                 say(f"{count} {renders} in {folder} {were} {fault} and {are} rendered again")
+        changes: dict[str, dict[str, Any]] = {name: {"split": subset} for name, subset in state.moved.items()}
+        if state.finished:                     # the last line has the wishes that count
+            entry = manifest.entries.get(output := plan.render(max(state.finished)).output)
+            if entry is not None and entry.balance != (json.dumps(plan.balance) if plan.balance else None):
+                changes[output] = {**changes.get(output, {}), "balance": plan.balance}
+        for record in moved(folder, part, changes, plan.stamp):
+            manifest.append(record)
         if state.moved:
-            for record in moved(folder, part, state.moved, plan.stamp):
-                manifest.append(record)
             are = "render is" if len(state.moved) == 1 else "renders are"
             say(f"{len(state.moved)} finished {are} in another subset than before, as [split] of the plan has changed")
         if state.unplanned and part.whole:

@@ -59,6 +59,7 @@ class ManifestEntry(NamedTuple):
     stamp: str | None = None
     split: str | None = None
     labelled: str | None = None  # JSON of `labels.tally`
+    balance: str | None = None  # JSON of the plan's wishes
 
 
 def key(parameters: Mapping[str, object], seed: int, inputs: str, versions: Mapping[str, str]) -> bytes:
@@ -152,19 +153,19 @@ def _names(folder, part):
     return list(dict.fromkeys([*(manifests(folder) if part.whole else [MANIFEST]), part.manifest]))
 
 
-def moved(folder: str, part: Part, subsets: Mapping[str, str | None], plan: str) -> Iterator[dict[str, Any]]:
-    """Yield the contents of the last lines about finished outputs, with subsets of a plan that has changed."""
-    last = {line.output: line for name in (_names(folder, part) if subsets else ()) for line in
+def moved(folder: str, part: Part, changes: Mapping[str, Mapping[str, Any]], plan: str) -> Iterator[dict[str, Any]]:
+    """Yield the contents of the last lines about finished outputs, with `changes` by output; see `changed`."""
+    last = {line.output: line for name in (_names(folder, part) if changes else ()) for line in
             lines(os.path.join(folder, name))
-            if line.output in subsets and line.entry is not None and line.entry.status == "ok"}
+            if line.output in changes and line.entry is not None and line.entry.status == "ok"}
     for output, line in last.items():
-        yield in_subset(line.record(), subsets[output], plan)
+        yield changed(line.record(), changes[output], plan)
 
 
-def in_subset(record: Mapping[str, Any], split: str | None, plan: str) -> dict[str, Any]:
-    """Return the content of a line for a subset of a plan with that stamp."""
-    rest = {name: item for name, item in record.items() if name != "split"}
-    return {**rest, "plan": plan, **({"split": split} if split is not None else {})}
+def changed(record: Mapping[str, Any], changes: Mapping[str, Any], plan: str) -> dict[str, Any]:
+    """Return the content of a line with other values by a plan of that stamp; None: without the key."""
+    rest = {name: item for name, item in record.items() if name not in changes}
+    return {**rest, "plan": plan, **{name: item for name, item in changes.items() if item is not None}}
 
 
 def read(path: FilePath) -> tuple[dict[str, ManifestEntry], int, int]:
@@ -248,7 +249,9 @@ def _entry(record):
                                            index=record["index"], inputs=sys.intern(record["inputs"]),
                                            stamp=stamp_of(record.get("plan"), record["versions"]),
                                            split=record.get("split"),
-                                           labelled=None if labelled is None else sys.intern(json.dumps(labelled)))
+                                           labelled=None if labelled is None else sys.intern(json.dumps(labelled)),
+                                           balance=None if (balance := record.get("balance")) is None else
+                                           sys.intern(json.dumps(balance)))
 
 
 def _is_value(given):

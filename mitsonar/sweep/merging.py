@@ -15,7 +15,7 @@ from mitsonar.device.files import FilePath, check_readable, clear_left, replacin
 from mitsonar.labels.tally import Tally
 
 from .execute import created, default_folder, preview
-from .manifest import Line, hold, in_subset, key, lines, sha256, versions
+from .manifest import Line, changed, hold, key, lines, sha256, versions
 from .parts import MANIFEST, WHOLE, manifests, part_of
 from .plan import Plan, load_plan
 
@@ -131,8 +131,9 @@ def _joined(plan, sources, folder, progress, parts):
             line, record = taken
             for name in _outputs(plan, record["output"]):
                 _bring(os.path.join(line.folder, name), os.path.join(folder, name))
-            joined.write(line.text() if record.get("split") == render.split else json.dumps(
-                in_subset(record, render.split, plan.stamp)).encode() + b"\n")
+            changes = {"split": render.split, "balance": plan.balance or None}
+            joined.write(line.text() if all(record.get(name) == item for name, item in changes.items()) else
+                         json.dumps(changed(record, changes, plan.stamp)).encode() + b"\n")
             if line.entry is not None and line.entry.labelled is not None:
                 tally.add(json.loads(line.entry.labelled))
             sets[str(record.get("instruction_set"))] = None
