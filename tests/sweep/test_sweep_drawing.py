@@ -194,6 +194,17 @@ def test_impossible_correlations_are_refused_in_a_sentence(drawn, text, part):
         drawn(TOGETHER.replace("log_uniform", "integer") + "[together]\n" + text)
 
 
+def test_an_endless_chain_of_parameters_is_refused_in_a_sentence(tmp_path):
+    names = [f"z{number}" for number in range(3000)]
+    defaults = "".join(f'<default name="{name}" value="1"/>' for name in names)
+    (tmp_path / "scene.xml").write_text(TEXT.replace('<default name="range"', f'{defaults}<default name="range"', 1),
+                                        encoding="utf-8")
+    chain = "".join(f'{name} = {{ of = "{other}" }}\n' for name, other in zip(names, names[1:]))
+    (tmp_path / "plan.toml").write_text(f'scene = "scene.xml"\n[set]\n{chain}', encoding="utf-8")
+    with pytest.raises(ValueError, match="z0 needs a chain of over 100 parameters"):
+        load_plan(tmp_path / "plan.toml")
+
+
 def test_a_stratified_draw_is_the_first_of_those_drawn_together(drawn):
     text = TOGETHER.replace("log_uniform = [100, 1000]", "integer = [1, 64], stratified = true")
     assert "stratified" in text

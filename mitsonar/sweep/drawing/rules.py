@@ -16,6 +16,7 @@ from ..values import rounded, shortened, value
 from .expressions import Expression, expression
 
 DEEPEST = 5                        # cases within cases
+LONGEST_CHAIN = 100                # parameters that need one another in turn
 ALL = "true", "false"              # cases of a condition
 
 
@@ -128,6 +129,9 @@ def _visit(name, rules, known, done, path):
         loop = [*path[path.index(name):], name]
         raise ValueError(f"{' needs '.join(loop)}: these parameters need each other; give one of them a value of its "
                          "own")
+    if len(path) >= LONGEST_CHAIN:
+        raise ValueError(f"{path[0]} needs a chain of over {LONGEST_CHAIN} parameters that are computed from one "
+                         "another; compute some of them directly")
     for other in rules[name].needs:
         if other in rules:
             _visit(other, rules, known, done, [*path, name])
