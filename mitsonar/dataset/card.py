@@ -165,7 +165,8 @@ def _meshes(pictures):
 def _physics(pictures):
     kinds = Counter((picture.get("sonar"), picture.get("frequency"), picture.get("file")) for _, _, picture in pictures)
     return [f"- {count:,} pictures of a {_cell(str(sonar)).replace('_', ' ')}"
-            + (f" at {frequency / 1e3:g} kHz" if frequency is not None else "") + f", scene `{_cell(str(scene)).replace('`', '')}`"
+            + (f" at {frequency / 1e3:g} kHz" if frequency is not None else "")
+            + f", scene `{_cell(str(scene)).replace('`', '')}`"
             for (sonar, frequency, scene), count in kinds.most_common()] + [
         "- rays through refracting water, the sonar equation with measured scattering laws, speckle, noise, and the "
         "receiver's own flaws, as the scene states them"]
