@@ -89,7 +89,7 @@ def _readme(shards, pictures, told):
         + (f" See {told['homepage']}." if told["homepage"] else ""), "",
         "| subset | pictures | with objects | " + " | ".join(map(_cell, names)) + " |",
         "|---" * (3 + len(names)) + "|", *rows, "",
-        "Objects are counted once in every picture. Subsets share no seabed, unless they were split by a parameter.",
+        f"Objects are counted once in every picture. {_shared(pictures)}",
         "", "## Class balance", "", *_balanced(shards), "", "## What was drawn", "", *_drawn(samples),
         "", "## Meshes", "", *_meshes(pictures), "", "## Physics", "", *_physics(pictures), "", "## Limits", "",
         LIMITS, "", "## How to make it again", "",
@@ -113,9 +113,19 @@ def _licence(text):
     return text.lower() if re.fullmatch(r"(cc|mit|apache|bsd)[a-z0-9.-]*", text.lower()) else "other"
 
 
+def _shared(pictures):
+    """Return a sentence about seabeds in several subsets."""
+    pairs = {(picture["seabed"], shard.subset) for shard, _, picture in pictures if picture["seabed"]}
+    shared = sum(count > 1 for count in Counter(seabed for seabed, _ in pairs).values())
+    if not shared:
+        return "Subsets share no seabed."
+    return f"{shared:,} seabed{'s are' if shared > 1 else ' is'} in several subsets: do not judge a detector by them."
+
+
 def _cell(text):
-    """Return a text for a cell of a table."""
-    return " ".join(text.split()).replace("|", "\\|")
+    """Return a text for a cell of a table, or for a line: no control characters, and no HTML."""
+    line = "".join(filter(str.isprintable, " ".join(text.split())))
+    return line.replace("&", "&amp;").replace("<", "&lt;").replace("|", "\\|")
 
 
 def _drawn(samples):
@@ -154,8 +164,9 @@ def _meshes(pictures):
 
 def _physics(pictures):
     kinds = Counter((picture.get("sonar"), picture.get("frequency"), picture.get("file")) for _, _, picture in pictures)
-    return [f"- {count:,} pictures of a {str(sonar).replace('_', ' ')}"
-            + (f" at {frequency / 1e3:g} kHz" if isinstance(frequency, (int, float)) else "") + f", scene `{scene}`"
+    return [f"- {count:,} pictures of a {_cell(str(sonar)).replace('_', ' ')}"
+            + (f" at {frequency / 1e3:g} kHz" if frequency is not None else "")
+            + f", scene `{_cell(str(scene)).replace('`', '')}`"
             for (sonar, frequency, scene), count in kinds.most_common()] + [
         "- rays through refracting water, the sonar equation with measured scattering laws, speckle, noise, and the "
         "receiver's own flaws, as the scene states them"]
@@ -167,15 +178,16 @@ def _again(sample):
     for name, value in sample.record["parameters"].items():
         words += ["-D", f"{name}={scenes.text(name, value)}"]
     command = shlex.join([*words, "--seed", str(sample.record["seed"]), "-o", "record.exr"])
-    return ["```bash", " ".join(command.split()), "```"]
+    return ["```bash", "".join(filter(str.isprintable, " ".join(command.split()))), "```"]
 
 
 def _made(samples):
     versions = Counter(json.dumps(sample.record["versions"], sort_keys=True) for sample in samples)
     sets = Counter(str(sample.record.get("instruction_set")) for sample in samples)
-    return [*(f"- {count:,} records by {', '.join(f'{name} {version}' for name, version in json.loads(text).items())}"
+    return [*(f"- {count:,} records by "
+              + _cell(", ".join(f"{name} {version}" for name, version in json.loads(text).items()))
               for text, count in versions.most_common()),
-            *(f"- {count:,} on {name}" for name, count in sets.most_common())]
+            *(f"- {count:,} on {_cell(name)}" for name, count in sets.most_common())]
 
 
 def _croissant(shards, folder, pictures, told):

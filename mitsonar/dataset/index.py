@@ -44,7 +44,7 @@ def _column(values):
     """Return values of one kind; of several kinds as text."""
     kinds = {type(value) for value in values if value is not None}
     if kinds == {int} and any(abs(value) >= 1 << 63 for value in values if value is not None):
-        kinds = {int, float}
+        kinds = {int, float} if max(abs(value) for value in values if value is not None) < 1e300 else {int, str}
     if kinds <= {int, float} or len(kinds) == 1 and kinds <= {bool, str}:
         return [float(value) if float in kinds and value is not None else value for value in values]
     return [None if value is None else str(value) for value in values]

@@ -169,10 +169,13 @@ def _about(tar, member):
         given = json.loads(tar.extractfile(member).read())
         kept = {name: given.get(name) for name in KEPT}
         json.dumps(kept, ensure_ascii=False).encode()  # raises `ValueError` for what is no text
+        texts, frequency = [*map(kept.get, ("seabed", "sonar", "file", "negative_class"))], kept["frequency"]
         numbers = (kept["width"], kept["height"], *kept["counts"].values(), *(kept["negatives"] or {}).values())
     except (ValueError, AttributeError, RecursionError):
         raise wrong from None
-    if not isinstance(kept["negative_class"], str | None) or not _are_meshes(kept["meshes"]):
+    if not all(isinstance(text, str | None) for text in texts) or not _are_meshes(kept["meshes"]):
+        raise wrong
+    if frequency is not None and not (isinstance(frequency, (int, float)) and 0 <= frequency < 1e15):      # [Hz]
         raise wrong
     if not all(isinstance(number, int) and 0 <= number < 1 << 32 for number in numbers):
         raise wrong

@@ -48,8 +48,9 @@ class RenderedImages(torch.utils.data.IterableDataset):
         if self.world_size > len(plan):
             raise ValueError(f"{plan.path} makes {len(plan)} renders, fewer than the {self.world_size} processes of "
                              "the training; raise its samples.")
-        # of each worker: two numbers of its iteration, and its next epoch; shared, as every epoch may have new workers
-        self._table = torch.zeros((MOST_WORKERS, 3), dtype=torch.int64).share_memory_()
+        # of each worker: two numbers of its iteration, the epoch at which that began, and its next epoch; shared, as
+        # every epoch may have new workers, and more or fewer
+        self._table = torch.zeros((MOST_WORKERS, 4), dtype=torch.int64).share_memory_()
         self._begun = 0                                # iterations in this process
         self._state: dict[str, int] | None = None      # to begin at
         self._at = {"epoch": 0, "done": 0, "frames": 0}
@@ -64,7 +65,7 @@ class RenderedImages(torch.utils.data.IterableDataset):
 
     def set_epoch(self, epoch: int) -> None:
         """Begin the next iteration of every worker at an epoch, counted from 0."""
-        self._table[:] = torch.as_tensor([-1, -1, int(epoch)])
+        self._table[:] = torch.as_tensor([-1, -1, int(epoch), int(epoch)])
 
     def state_dict(self) -> dict[str, int]:
         """Return where this worker is: its epoch, renders that are done, and frames of the next."""
@@ -85,11 +86,13 @@ class RenderedImages(torch.utils.data.IterableDataset):
         iteration = torch.as_tensor([-1 if info is None else info.seed - worker, self._begun])
         self._begun += 1
         if state is None:
-            earlier = (self._table[:, :2] != iteration).any(1)
-            state = {"epoch": int((self._table[:, 2] * earlier).max()), "done": 0, "frames": 0}
+            following = int(self._table[:, 3].max())   # read first and written last: of earlier iterations, or unused
+            begun = (self._table[:, :2] == iteration).all(1)
+            state = {"epoch": int(self._table[begun, 2].max()) if begun.any() else following, "done": 0, "frames": 0}
         self._check_epoch(state["epoch"])
-        self._table[worker, :2] = iteration            # before the epoch, which others take for an earlier one's
-        self._table[worker, 2] = state["epoch"] + 1
+        self._table[worker, 2] = state["epoch"]        # in this order, as other workers may begin now
+        self._table[worker, :2] = iteration
+        self._table[worker, 3] = state["epoch"] + 1
         return self._images(worker, workers, state)
 
     def _images(self, worker, workers, state):
@@ -117,7 +120,7 @@ class RenderedImages(torch.utils.data.IterableDataset):
             if not self.endless:
                 return
             epoch, done = epoch + 1, 0
-            self._table[worker, 2] = epoch + 1
+            self._table[worker, 3] = epoch + 1
 
     def share(self, epoch: int, worker: int, workers: int) -> np.ndarray:
         """Return the numbers of the renders that a worker makes in an epoch."""
@@ -141,7 +144,7 @@ class RenderedImages(torch.utils.data.IterableDataset):
                            rules=self.rules)[index]
 
     def _check_epoch(self, epoch):
-        if epoch and any(not isinstance(recipe.seeds, int) and not recipe.rules for recipe in self.plan.recipes):
+        if epoch and any(not isinstance(recipe.seeds, int) and not recipe.is_drawn for recipe in self.plan.recipes):
             raise ValueError(f"{self.plan.path} draws nothing and lists its seeds, so that every epoch after the first "
                              "would repeat its images; add [draw], or give the number of seeds.")
 

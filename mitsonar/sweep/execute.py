@@ -15,7 +15,7 @@ from mitsonar.device import files
 from mitsonar.device.files import FilePath
 from mitsonar.labels.tally import Tally
 
-from .manifest import Manifest, ManifestEntry, key, remove_leftovers, sha256, stamp_of, versions
+from .manifest import Manifest, ManifestEntry, key, moved, remove_leftovers, sha256, stamp_of, versions
 from .parts import WHOLE, Part, check_count, manifests
 from .plan import Plan, Render, load_plan, texts
 from .pools.cluster import Cluster
@@ -74,6 +74,7 @@ class Standing:
     bytes: list[float]  # of each finished render
     tally: Tally  # of the labelled pictures of finished renders
     unplanned: list[str]  # finished outputs of another plan, or of this one before a change
+    moved: dict[str, str | None]  # subsets of finished outputs that had another one before the plan changed
 
 
 def default_folder(plan: Plan) -> str:
@@ -153,6 +154,16 @@ def run(plan: Plan | FilePath, folder: FilePath | None = None, *, processes: int
             if count:
                 renders, were, are = ("render", "was", "is") if count == 1 else ("renders", "were", "are")
                 say(f"{count} {renders} in {folder} {were} {fault} and {are} rendered again")
+        changes: dict[str, dict[str, Any]] = {name: {"split": subset} for name, subset in state.moved.items()}
+        if state.finished:                     # the last line has the wishes that count
+            entry = manifest.entries.get(output := plan.render(max(state.finished)).output)
+            if entry is not None and entry.balance != (json.dumps(plan.balance) if plan.balance else None):
+                changes[output] = {**changes.get(output, {}), "balance": plan.balance}
+        for record in moved(folder, part, changes, plan.stamp):
+            manifest.append(record)
+        if state.moved:
+            are = "render is" if len(state.moved) == 1 else "renders are"
+            say(f"{len(state.moved)} finished {are} in another subset than before, as [split] of the plan has changed")
         if state.unplanned and part.whole:
             say(unplanned_said(state.unplanned, folder))
         if manifest.fresh:
@@ -177,7 +188,7 @@ def standing(plan: Plan, folder: str, entries: Mapping[str, ManifestEntry], made
              verify: bool = False, part: Part = WHOLE) -> Standing:
     """Return the state of a sweep or a part; renders are missing unless their files exist and match the manifest."""
     missing, finished, changed, damaged = array.array("l"), array.array("l"), 0, 0
-    seconds, sizes, tally = [], [], Tally()
+    seconds, sizes, tally, subsets = [], [], Tally(), {}
 
     def keep(index: int, entry: ManifestEntry) -> None:
         finished.append(index)
@@ -211,9 +222,11 @@ def standing(plan: Plan, folder: str, entries: Mapping[str, ManifestEntry], made
             damaged += 1
         else:
             keep(index, entry)
+            if entry.split != render.split:
+                subsets[render.output] = render.split
     unplanned = sorted(output for output in unplanned_outputs if os.path.exists(os.path.join(folder, output)))
     return Standing(missing=missing, changed=changed, damaged=damaged, finished=finished, seconds=seconds,
-                    bytes=sizes, tally=tally, unplanned=unplanned)
+                    bytes=sizes, tally=tally, unplanned=unplanned, moved=subsets)
 
 
 def _of_this_plan(plan, folder, entries, made_by, digest):

@@ -59,6 +59,7 @@ class ManifestEntry(NamedTuple):
     stamp: str | None = None
     split: str | None = None
     labelled: str | None = None  # JSON of `labels.tally`
+    balance: str | None = None  # JSON of the plan's wishes
 
 
 def key(parameters: Mapping[str, object], seed: int, inputs: str, versions: Mapping[str, str]) -> bytes:
@@ -139,12 +140,32 @@ def read_all(folder: FilePath, part: Part = WHOLE) -> tuple[dict[str, ManifestEn
     A finished render counts before a failed one. The length is that of the run's own manifest.
     """
     folder, entries, damaged, complete = os.fspath(folder), {}, 0, 0
-    for name in dict.fromkeys([*(manifests(folder) if part.whole else [MANIFEST]), part.manifest]):
+    for name in _names(folder, part):
         found, bad, complete = read(os.path.join(folder, name))
         damaged += bad
         entries |= {output: entry for output, entry in found.items()
                     if entry.status == "ok" or output not in entries or entries[output].status != "ok"}
     return entries, damaged, complete
+
+
+def _names(folder, part):
+    """Return the names of the manifests that a run reads; those that count more come later."""
+    return list(dict.fromkeys([*(manifests(folder) if part.whole else [MANIFEST]), part.manifest]))
+
+
+def moved(folder: str, part: Part, changes: Mapping[str, Mapping[str, Any]], plan: str) -> Iterator[dict[str, Any]]:
+    """Yield the contents of the last lines about finished outputs, with `changes` by output; see `changed`."""
+    last = {line.output: line for name in (_names(folder, part) if changes else ()) for line in
+            lines(os.path.join(folder, name))
+            if line.output in changes and line.entry is not None and line.entry.status == "ok"}
+    for output, line in last.items():
+        yield changed(line.record(), changes[output], plan)
+
+
+def changed(record: Mapping[str, Any], changes: Mapping[str, Any], plan: str) -> dict[str, Any]:
+    """Return the content of a line with other values by a plan of that stamp; None: without the key."""
+    rest = {name: item for name, item in record.items() if name not in changes}
+    return {**rest, "plan": plan, **{name: item for name, item in changes.items() if item is not None}}
 
 
 def read(path: FilePath) -> tuple[dict[str, ManifestEntry], int, int]:
@@ -228,7 +249,9 @@ def _entry(record):
                                            index=record["index"], inputs=sys.intern(record["inputs"]),
                                            stamp=stamp_of(record.get("plan"), record["versions"]),
                                            split=record.get("split"),
-                                           labelled=None if labelled is None else sys.intern(json.dumps(labelled)))
+                                           labelled=None if labelled is None else sys.intern(json.dumps(labelled)),
+                                           balance=None if (balance := record.get("balance")) is None else
+                                           sys.intern(json.dumps(balance)))
 
 
 def _is_value(given):

@@ -15,7 +15,7 @@ from mitsonar.device.files import FilePath, check_readable, clear_left, replacin
 from mitsonar.labels.tally import Tally
 
 from .execute import created, default_folder, preview
-from .manifest import Line, hold, key, lines, sha256, versions
+from .manifest import Line, changed, hold, key, lines, sha256, versions
 from .parts import MANIFEST, WHOLE, manifests, part_of
 from .plan import Plan, load_plan
 
@@ -113,7 +113,8 @@ def _joined(plan, sources, folder, progress, parts):
     with replacing(os.path.join(folder, MANIFEST)) as temporary, open(temporary, "wb") as joined:
         for index in range(len(plan)):
             progress(index + 1, len(plan))
-            candidates, faults, taken = found.pop(plan.render(index).output, ()), [], None
+            render, faults, taken = plan.render(index), [], None
+            candidates = found.pop(render.output, ())
             for line in candidates:
                 record = line.record()
                 fault = _fault(plan, index, line.folder, record, made_by, digest)
@@ -130,7 +131,9 @@ def _joined(plan, sources, folder, progress, parts):
             line, record = taken
             for name in _outputs(plan, record["output"]):
                 _bring(os.path.join(line.folder, name), os.path.join(folder, name))
-            joined.write(line.text())
+            changes = {"split": render.split, "balance": plan.balance or None}
+            joined.write(line.text() if all(record.get(name) == item for name, item in changes.items()) else
+                         json.dumps(changed(record, changes, plan.stamp)).encode() + b"\n")
             if line.entry is not None and line.entry.labelled is not None:
                 tally.add(json.loads(line.entry.labelled))
             sets[str(record.get("instruction_set"))] = None

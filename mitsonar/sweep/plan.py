@@ -344,8 +344,11 @@ def _check_renders(plan):
     _check_output(plan)
     needing = any(rule.needs for recipe in plan.recipes for rule in recipe.rules.values())
     if plan.split is not None or plan.turns is not None or needing:
-        for number in range(tried := min(len(plan), MOST_TRIED)):
-            plan.render(number * len(plan) // tried)
+        tried = min(len(plan), MOST_TRIED)
+        renders = [plan.render(number * len(plan) // tried) for number in range(tried)]
+        if plan.split is not None:
+            plan.split.check((recipe, recipe.place(own), render.split) for render in renders
+                             for recipe, own in [plan.turn(render.index)])
     for recipe in plan.recipes:
         columns = {name: column for name, column in recipe.columns().items() if column}
         first = recipe.parameters(recipe.place(0))

@@ -2,6 +2,7 @@
 import itertools
 import pickle
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -134,6 +135,20 @@ def test_no_image_comes_twice_across_workers_and_epochs(plan, torch):
     assert set(data) == set(seen[1])
 
 
+def test_all_workers_begin_at_one_epoch_even_if_there_were_fewer_before(plan, torch, monkeypatch):
+    data = rendering(plan(), target=None)
+    monkeypatch.setattr(data, "_set_threads", lambda workers: None)
+    monkeypatch.setattr(data, "_images", lambda worker, workers, state: iter([state["epoch"]]))
+    epochs = [next(iter(data))]                        # a look at the first image, in this process
+    for seed, workers in ((100, 3), (200, 1), (300, 5)):
+        for worker in range(workers):
+            monkeypatch.setattr(data, "_begun", 1)     # each has a copy of its own
+            monkeypatch.setattr(torch.utils.data, "get_worker_info", lambda: SimpleNamespace(
+                id=worker, num_workers=workers, seed=seed + worker))
+            epochs.append(next(iter(data)))
+    assert epochs == [0, 1, 1, 1, 2, 3, 3, 3, 3, 3]
+
+
 @pytest.mark.slow
 def test_torchdata_resumes_in_the_middle_of_an_epoch(plan, torch):
     loading = pytest.importorskip("torchdata.stateful_dataloader").StatefulDataLoader
@@ -176,9 +191,10 @@ def test_an_endless_set_goes_on_and_a_stopped_one_begins_where_it_was(plan, torc
     resumed = rendering(plan(samples=1), image=numbers, target=None, endless=True)
     resumed.load_state_dict(fresh.state_dict())
     assert list(itertools.islice(resumed, 2)) == first[3:]
-    with pytest.raises(ValueError, match="every epoch after the first would repeat its images"):
-        rendering(plan(1, head="seeds = [1, 2]", text=PLAN.replace("[draw]", "").replace(
-            "x = {{ uniform = [15, 30] }}", "")), endless=True)
+    for x in ("", 'x = {{ of = "range / 2" }}'):       # what is computed is drawn no more than what is given
+        with pytest.raises(ValueError, match="every epoch after the first would repeat its images"):
+            rendering(plan(1, head="seeds = [1, 2]", text=PLAN.replace("x = {{ uniform = [15, 30] }}", x)),
+                      endless=True)
 
 
 def test_renders_that_fail_are_left_out_and_many_of_them_end_it(plan, torch):

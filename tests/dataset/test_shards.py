@@ -3,6 +3,7 @@ import io
 import json
 import re
 import tarfile
+import warnings
 
 import numpy as np
 import pytest
@@ -218,7 +219,8 @@ def test_samples_without_pictures_are_left_out_of_a_split(tmp_path):
 @pytest.mark.parametrize("about", [{"negatives": [1]}, {"negatives": {"a": "b"}}, {"negative_class": 5},
                                    {"meshes": [{"mesh": "a"}]}, {"meshes": 5}, {"counts": []},
                                    {"counts": {"box": "many"}}, {"width": None},
-                                   {"height": 1 << 40}, {"seabed": "\ud800"}])
+                                   {"height": 1 << 40}, {"seabed": "\ud800"}, {"seabed": [1]}, {"sonar": [1]},
+                                   {"file": {}}, {"frequency": [1]}, {"frequency": 1 << 2000}])
 def test_a_picture_described_by_other_things_is_refused(tmp_path, about):
     (tmp_path / "sweep").mkdir()
     with pytest.raises(ValueError, match=r"0\.json does not describe a picture"):
@@ -254,6 +256,27 @@ def test_odd_names_stay_in_their_cells(tmp_path):
     for words in ({"title": "a\n---\nb"}, {"authors": 5}):
         with pytest.raises(ValueError, match="give a text of one line"):
             check_words(words)
+
+
+def test_what_others_wrote_into_a_sample_stays_text_of_one_line_on_the_card(tmp_path):
+    (tmp_path / "sweep").mkdir()
+    odd = "x\n---\n# y <script>\x1b[31m`"
+    folder = hostile(tmp_path / "sweep", [{"versions": {odd: odd}, "instruction_set": odd, "seed": 1 << 2000},
+                                          {"parameters": {odd: odd}}], sonar=odd, file=odd, frequency=4e5)
+    write_shards([folder], tmp_path / "set")
+    card = (tmp_path / "set" / "README.md").read_text(encoding="utf-8")
+    lines, command = card.split("\n"), next(line for line in card.split("\n") if line.startswith("python3"))
+    assert lines.count("---") == 2 and not any(line.startswith("# y") for line in lines) and "\x1b" not in card
+    assert "<script>" not in card.replace(command, "") and "- 2 pictures of a x --- # y &lt;script>" in card
+
+
+def test_the_card_counts_seabeds_in_several_subsets(tmp_path):
+    for number, (seabed, said) in enumerate((("a", "1 seabed is in several subsets"), (None, "share no seabed"))):
+        (folder := tmp_path / f"{number}").mkdir()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            write_shards([hostile(folder, [{"split": "train"}, {"split": "val"}], seabed=seabed)], folder / "set")
+        assert said in (folder / "set" / "README.md").read_text(encoding="utf-8")
 
 
 def test_the_card_says_what_was_asked_for_and_what_there_is(tmp_path, capfd):

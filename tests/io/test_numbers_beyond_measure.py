@@ -19,6 +19,10 @@ def test_the_middle_of_long_words_is_left_out(text):
     assert len(said) < 520 and said.startswith(text[:60]) and said.endswith(text[-5:]) and "..." in said
 
 
+def test_a_sentence_cannot_move_the_cursor_of_a_terminal():
+    assert sentence(ValueError("balance.\x1b[31m\n\u202eb is unknown")) == "balance.?[31m ?b is unknown"
+
+
 def test_the_middle_of_a_long_sentence_is_left_out():
     said = sentence(ValueError(f"the attribute frequency is {list(range(1_000_000))}, not a number; mend it"))
     assert len(said) < 3000 and said.startswith("the attribute frequency is [0, 1, 2") and said.endswith("; mend it")

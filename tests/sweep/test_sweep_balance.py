@@ -103,6 +103,13 @@ def test_another_wish_renders_nothing_anew(place):
     run(place / "plan.toml", place / "one")
     (place / "plan.toml").write_text(PLAN.replace("mine = 6", "mine = 7"), encoding="utf-8")
     assert run(place / "plan.toml", place / "one").done == 0
+    lines = (place / "one" / "manifest.jsonl").read_text(encoding="utf-8").splitlines()
+    run(place / "plan.toml", place / "one")            # writes no line
+    assert lines == (place / "one" / "manifest.jsonl").read_text(encoding="utf-8").splitlines() and len(lines) == 13
+    assert json.loads(lines[-1])["index"] == 11 and json.loads(lines[-1])["balance"]["images"]["mine"] == 7
+    merging.merge(place / "plan.toml", [place / "one"], place / "whole")
+    joined = (place / "whole" / "manifest.jsonl").read_text(encoding="utf-8").splitlines()
+    assert {json.loads(line)["balance"]["images"]["mine"] for line in joined} == {7}
 
 
 @pytest.mark.parametrize("wish, said", [

@@ -187,10 +187,31 @@ def test_choices_can_be_drawn_together_too(drawn):
     ("range.rays = 0.9\nrays.range = 0.9", "a pair given before"),
     ("range.rays = 0.9\nrays.pings = 0.9\npings.range = -0.9", "contradict each other at pings"),
     ("range.rays = true", "give a number"),
+    ("range.rays = 0.8\nrays.pings = 0.8", "with 0 for pairs that are not named"),
 ])
 def test_impossible_correlations_are_refused_in_a_sentence(drawn, text, part):
     with pytest.raises(ValueError, match=part):
         drawn(TOGETHER.replace("log_uniform", "integer") + "[together]\n" + text)
+
+
+def test_an_endless_chain_of_parameters_is_refused_in_a_sentence(tmp_path):
+    names = [f"z{number}" for number in range(3000)]
+    defaults = "".join(f'<default name="{name}" value="1"/>' for name in names)
+    (tmp_path / "scene.xml").write_text(TEXT.replace('<default name="range"', f'{defaults}<default name="range"', 1),
+                                        encoding="utf-8")
+    chain = "".join(f'{name} = {{ of = "{other}" }}\n' for name, other in zip(names, names[1:]))
+    (tmp_path / "plan.toml").write_text(f'scene = "scene.xml"\n[set]\n{chain}', encoding="utf-8")
+    with pytest.raises(ValueError, match="z0 needs a chain of over 100 parameters"):
+        load_plan(tmp_path / "plan.toml")
+
+
+def test_a_stratified_draw_is_the_first_of_those_drawn_together(drawn):
+    text = TOGETHER.replace("log_uniform = [100, 1000]", "integer = [1, 64], stratified = true")
+    assert "stratified" in text
+    found = drawn(f"{text}[together]\nrays.range = 0.5")
+    assert {Counter(one["rays"] for one in found[first:first + 64])[7] for first in range(0, 640, 64)} == {1}
+    with pytest.raises(ValueError, match="rays is stratified, and .* name it first"):
+        drawn(f"{text}[together]\nrange.rays = 0.5")
 
 
 def test_rows_of_a_table_are_drawn_with_their_weights(drawn, place):

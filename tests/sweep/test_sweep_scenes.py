@@ -174,6 +174,26 @@ def test_parts_merge_resume_and_manifest_work_with_scenes(sweep, place):
     assert sweep("whole", SCENES.replace("40", "50") + SPLIT).done == 10
 
 
+def test_a_changed_split_moves_what_is_finished(sweep, place):
+    """Without a group no parameter depends on the split, so that nothing is rendered anew."""
+    text, said = 'scene = "scene.xml"\nsamples = 40\n[draw]\nrays = { integer = [1, 1000000] }\n', []
+
+    def agree(folder):
+        _, records = left(place / folder)
+        return all(records[render.output].get("split") == render.split for render in
+                   renders(load_plan(place / "plan.toml")))
+
+    sweep("out", text)
+    for shares in ("train = 0.8\nval = 0.2", "train = 0.5\nval = 0.5", "train = 0.8\nval = 0.2"):
+        outcome = sweep("out", f"{text}[split]\n{shares}\n", say=said.append)
+        assert (outcome.kept, outcome.done) == (40, 0) and agree("out")
+    assert len(said) == 3 and "40 finished renders are in another subset than before" in said[0]
+    assert sweep("out", text, say=said.append).done == 0 and agree("out")
+    sweep("parts", text, part=Part(number=1, count=2))
+    sweep("parts", f"{text}[split]\ntrain = 0.8\nval = 0.2\n", part=Part(number=2, count=2))
+    assert merging.merge(place / "plan.toml", [place / "parts"]).joined == 40 and agree("parts")
+
+
 def test_every_scene_is_loaded_before_a_sweep_starts(sweep, place, monkeypatch):
     class Picky(Pool):
         def submit(self, job):
@@ -341,6 +361,26 @@ def test_wrong_splits_are_refused_in_a_sentence(plan, old, new, part):
 def test_too_few_groups_for_all_subsets_are_refused(plan, values):
     with pytest.raises(ValueError, match="split.group has 2 different values of rays .*; give more values"):
         plan(f'scene = "scene.xml"\n{values}{SPLIT}')
+
+
+@pytest.mark.parametrize("values", ["round(0 * range)", "round(range / 60)"])
+def test_drawn_groups_of_too_few_values_are_refused(plan, values):
+    with pytest.raises(ValueError, match=r"so few different values of rays in the scene scene that none is for \w+;"):
+        plan(f'scene = "scene.xml"\nsamples = 100\n[draw]\nrange = {{ uniform = [1, 60] }}\n'
+             f'rays = {{ of = "{values}" }}{SPLIT}')
+
+
+def test_a_group_is_one_however_it_is_written(plan):
+    """Also if one scene is given what is another one's default."""
+    text = 'renders = 400\n[draw]\nrays = {{ integer = [1, 60] }}\n[[scenes]]\nname = "a"\nscene = "scene.xml"\n{}' \
+        '[[scenes]]\nname = "b"\nscene = "scene.xml"\n{}'
+    default = float(plan('scene = "scene.xml"\n').inputs.defaults()["range"])
+    given = text.format("", f"[scenes.set]\nrange = {default}\n") + SPLIT.replace('"rays"', '"rays", "range"')
+    assert {len(subsets) for subsets in homes(renders(plan(given)), "rays").values()} == {1}
+    grids = ("[scenes.grid]\nrange = [30, 40, 50]\n", "[scenes.grid]\nrange = [30.0, 40.0, 50.0]\n")
+    found = renders(plan(text.format(*grids) + SPLIT.replace("rays", "range")))
+    assert {len(subsets) for subsets in homes(found, "range").values()} == {1}
+    assert {str(render.parameters["range"]) for render in found} == {"30", "40", "50", "30.0", "40.0", "50.0"}
 
 
 def test_redraw_does_not_move_a_render_to_another_subset(plan):

@@ -16,6 +16,7 @@ from ..values import rounded, shortened, value
 from .expressions import Expression, expression
 
 DEEPEST = 5                        # cases within cases
+LONGEST_CHAIN = 100                # parameters that need one another in turn
 ALL = "true", "false"              # cases of a condition
 
 
@@ -99,11 +100,11 @@ def check_cases(rules: Mapping[str, Rule], columns: Mapping[str, Sequence[Any]])
             raise ValueError(f"{when.where} chooses by {shortened(when.of.text)}, which may have any value; add else")
         else:
             continue
-        unknown = next((case for case in when.cases if case not in values and _number_text(case) not in values), None)
+        unknown = next((case for case in when.cases if case not in values and number_text(case) not in values), None)
         if unknown is not None:
             raise ValueError(f"{when.where} has the case {shortened(unknown)}{meant(unknown, values)}, but "
                              f"{when.of.text} is one of {shortened(', '.join(values))}; give cases of these")
-        lacking = [text for text in values if text not in when.cases and text not in map(_number_text, when.cases)]
+        lacking = [text for text in values if text not in when.cases and text not in map(number_text, when.cases)]
         if lacking and not when.has_else:
             raise ValueError(f"{when.where} has no case {shortened(lacking[0])} of {when.of.text}; add it, or else")
 
@@ -113,7 +114,7 @@ def case_of(given: Any) -> str:
     return str(int(given)) if isinstance(given, float) and given.is_integer() else scenes.text("", given)
 
 
-def _number_text(text):
+def number_text(text):
     """Return the text of a number as `case_of` writes it; other texts as they are."""
     try:
         return case_of(float(text))
@@ -128,6 +129,9 @@ def _visit(name, rules, known, done, path):
         loop = [*path[path.index(name):], name]
         raise ValueError(f"{' needs '.join(loop)}: these parameters need each other; give one of them a value of its "
                          "own")
+    if len(path) >= LONGEST_CHAIN:
+        raise ValueError(f"{path[0]} needs a chain of over {LONGEST_CHAIN} parameters that are computed from one "
+                         "another; compute some of them directly")
     for other in rules[name].needs:
         if other in rules:
             _visit(other, rules, known, done, [*path, name])
@@ -164,7 +168,7 @@ def _chosen(given, where, depth):
     of = expression(given["when"], f"{where}: when")
     parts = {text: _part(case, f"{where}: cases.{text}", depth) for text, case in cases.items()}
     other = _part(given["else"], f"{where}: else", depth) if "else" in given else None
-    by_text = {_number_text(text): part for text, part in parts.items()} | parts
+    by_text = {number_text(text): part for text, part in parts.items()} | parts
     every = [*parts.values(), *([other] if other is not None else [])]
 
     def chosen(chance: Chance, values: Mapping[str, Any]) -> Any:

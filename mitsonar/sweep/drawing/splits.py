@@ -8,15 +8,15 @@ therefore exact, no group is in two subsets, and more renders or scenes move non
 import bisect
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from mitsonar.device.spelling import meant
-from mitsonar.io.scene_files import scenes
 
 from ..manifest import SUBSETS
 from ..recipe import Recipe, RecipePlace
 from ..values import fraction, number, random_bits, shortened
+from .rules import case_of, number_text
 from .shares import SharedTurns
 
 TRIES, MOST_TRIES = 20, 2000       # draws of a group, over the smallest share; a subset is missed once in e^20
@@ -47,9 +47,10 @@ class Split:
         self._ends = list(itertools.accumulate(self.shares.values()))
         self._turns = {recipe.name: SharedTurns(list(self.shares.values()), recipe.seed, "split") for recipe in recipes}
         self._drawn = {recipe.name: self._drawn_again(recipe) for recipe in recipes}
+        self._defaults = {recipe.name: self._left_to(recipe) for recipe in recipes}
         self._homes: dict[str, str] = {}
         self._tries = min(math.ceil(TRIES / min(self.shares.values())), MOST_TRIES)
-        listed = list(dict.fromkeys(key for recipe in recipes for key in _listed(recipe, self._own(recipe))))
+        listed = list(dict.fromkeys(key for recipe in recipes for key in self._listed(recipe)))
         turns = SharedTurns(list(self.shares.values()), seed, "split", "groups", all_first=True)
         for turn, key in enumerate(listed):
             self._homes[key] = self._names[turns[turn][0]]
@@ -57,12 +58,12 @@ class Split:
 
     def parameters(self, recipe: Recipe, place: RecipePlace, redrawn: int) -> tuple[str, dict[str, Any]]:
         """Return the subset and the parameters of a render."""
-        turn = place.sample * recipe.combinations() + place.combination
-        wanted, drawn = self._names[self._turns[recipe.name][turn][0]], self._drawn[recipe.name]
+        wanted, drawn = self._wanted(recipe, place), self._drawn[recipe.name]
         subset, parameters, own = wanted, {}, self._own(recipe)
         for attempt in range(self._tries if drawn else 1):
             parameters = recipe.parameters(place, redrawn, attempt, drawn)
-            subset = self.home(_key({name: parameters[name] for name in own})) if own else wanted
+            group = {**self._defaults[recipe.name], **{name: parameters[name] for name in own}}
+            subset = self.home(_key(group)) if own else wanted
             if subset == wanted:
                 break
         return subset, parameters
@@ -73,6 +74,31 @@ class Split:
             return self._homes[key]
         place = bisect.bisect_right(self._ends, fraction(random_bits(self._seed, "split", key)))
         return self._names[min(place, len(self._names) - 1)]
+
+    def check(self, renders: Iterable[tuple[Recipe, RecipePlace, str | None]]) -> None:
+        """Raise `ValueError` if a scene draws its groups, and none of them is in a subset that renders should have."""
+        wanted, found = {}, set()
+        for recipe, place, subset in renders:
+            if self._drawn[recipe.name] and not {*self._own(recipe)} & {*recipe.table, *recipe.lists, *recipe.grid}:
+                wanted.setdefault((recipe.name, self._wanted(recipe, place)))
+                found.add((recipe.name, subset))
+        for name, subset in wanted:
+            if (name, subset) not in found:
+                raise ValueError(f"split.group has so few different values of {', '.join(self.group)} in the scene "
+                                 f"{name} that none is for {subset}; give more values, or fewer subsets")
+
+    def _wanted(self, recipe, place):
+        """Return the subset whose turn it is."""
+        turn = place.sample * recipe.combinations() + place.combination
+        return self._names[self._turns[recipe.name][turn][0]]
+
+    def _left_to(self, recipe):
+        """Return the parameters of the group that a scene is not given, by its defaults."""
+        defaults = recipe.inputs.defaults() if self.group else {}
+        return {name: defaults[name] for name in self.group if name not in recipe.names and name in defaults}
+
+    def _listed(self, recipe):
+        return _listed(recipe, self._own(recipe), self._defaults[recipe.name])
 
     def _own(self, recipe):
         """Return the parameters of the group that a scene is given."""
@@ -96,7 +122,7 @@ class Split:
     def _check_listed(self, recipes):
         """Raise `ValueError` if a scene has too few groups, all listed, for all subsets."""
         for recipe in recipes:
-            keys = _listed(recipe, self._own(recipe))
+            keys = self._listed(recipe)
             lacking = [name for name in self.shares if name not in {self._homes[key] for key in keys}]
             if keys and lacking and (self._drawn[recipe.name] or len(self._homes) < len(self.shares)):
                 raise ValueError(f"split.group has {len(keys)} different value{'s' * (len(keys) != 1)} of "
@@ -119,13 +145,14 @@ def _group(given, recipes):
     return tuple(given)
 
 
-def _listed(recipe, names):
+def _listed(recipe, names, defaults):
     """Return the keys of all groups of a scene if they are listed in the plan, else none."""
     if not names:
         return []
     if len(names) == 1 and names[0] in recipe.rules:
         rule = recipe.rules[names[0]]
-        return list(dict.fromkeys(_key({names[0]: item}) for item in rule.choices)) if rule.is_closed else []
+        return list(dict.fromkeys(_key({**defaults, names[0]: item}) for item in rule.choices)) if rule.is_closed \
+            else []
     axes: list[list[dict[str, Any]]] = []
     for columns in (recipe.table, recipe.lists, *({name: column} for name, column in recipe.grid.items()),
                     {name: (item,) for name, item in recipe.fixed.items()}):
@@ -133,9 +160,10 @@ def _listed(recipe, names):
             axes.append([dict(zip(own, items)) for items in dict.fromkeys(zip(*(columns[name] for name in own)))])
     if {name for axis in axes for name in axis[0]} != set(names) or math.prod(map(len, axes)) > MOST_LISTED:
         return []
-    return [_key({name: item for part in parts for name, item in part.items()}) for parts in itertools.product(*axes)]
+    return list(dict.fromkeys(_key({**defaults, **{name: item for part in parts for name, item in part.items()}})
+                              for parts in itertools.product(*axes)))
 
 
 def _key(values):
-    """Return the text of a group."""
-    return "\n".join(f"{name}={scenes.text(name, values[name])}" for name in sorted(values))
+    """Return the text of a group; 30 and 30.0 are one value."""
+    return "\n".join(f"{name}={number_text(case_of(values[name]))}" for name in sorted(values))

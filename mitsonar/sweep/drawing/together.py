@@ -64,7 +64,13 @@ def together(given: Mapping[str, Any], rules: Mapping[str, Rule]) -> Together:
             pairs[first, second] = 2 * math.sin(math.pi * correlation / 6)
     if len(names) > MOST:
         raise ValueError(f"[together] names {len(names)} parameters; give at most {MOST}")
-    return Together(names=tuple(names), rows=_triangle(tuple(names), pairs))
+    rows = _triangle(tuple(names), pairs)
+    for name, row in zip(names, rows, strict=True):
+        followed = next((other for other, part in zip(names, row[:-1]) if part), None)
+        if rules[name].is_stratified and followed is not None:
+            raise ValueError(f"{name} is stratified, and [together] makes it follow {followed}, so that its "
+                             "values would no longer be even; leave stratified out, or name it first in [together]")
+    return Together(names=tuple(names), rows=rows)
 
 
 def _triangle(names, pairs):
@@ -78,6 +84,6 @@ def _triangle(names, pairs):
         rest = 1 - math.fsum(a * a for a in row)
         if rest < 1e-9:
             raise ValueError(f"the correlations of [together] contradict each other at {name}: no {k + 1} draws have "
-                             "them all; move some closer to 0")
+                             "them all, with 0 for pairs that are not named; move some closer to 0, or name more pairs")
         rows.append((*row, math.sqrt(rest)))
     return tuple(rows)
