@@ -30,8 +30,8 @@ UNTOLD = {"title": "Simulated sonar images", "licence": "unknown", "authors": "u
 SPLITS = {"val": "validation"}     # names of subsets at Hugging Face, where they differ
 SIZES = ((1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K"), (1_000_000, "100K<n<1M"))
 MESH = ("mesh", "class", "licence", "author", "source", "sha256")
-LIMITS = ("Every picture is computed, none is recorded. What a sonar hears follows from the scene: sea floors, objects "
-          "and water are models of their kind. Test detectors that learned from them alone on recordings.")
+LIMITS = ("Every picture is computed, none is recorded. Sea floors, objects and water are models, and echoes follow "
+          "from them. Test detectors that were trained on these pictures alone on recordings.")
 # names of Croissant 1.0; a reader compares the list with its own
 CONTEXT = {"@language": "en", "@vocab": "https://schema.org/", "sc": "https://schema.org/",
            "cr": "http://mlcommons.org/croissant/", "rai": "http://mlcommons.org/croissant/RAI/",
@@ -142,7 +142,9 @@ def _drawn(samples):
             rows.append(f"| {_cell(name)} | {low:.4g} to {high:.4g}, median {middle:.4g} |" if low < high else
                         f"| {_cell(name)} | {low:.4g} |")
         else:
-            rows.append(f"| {_cell(name)} | {_cell(', '.join(sorted(different)[:8]))}"
+            # quoted, as a value may hold commas: a profile, or two numbers to draw between
+            quoted = (f"`{value.replace('`', ' ')}`" for value in sorted(different)[:8])
+            rows.append(f"| {_cell(name)} | {_cell(', '.join(quoted))}"
                         f"{', ...' * (len(different) > 8)} |")
     return rows if len(rows) > 2 else ["Nothing but the seed."]
 
@@ -164,7 +166,7 @@ def _meshes(pictures):
 
 def _physics(pictures):
     kinds = Counter((picture.get("sonar"), picture.get("frequency"), picture.get("file")) for _, _, picture in pictures)
-    return [f"- {count:,} pictures of a {_cell(str(sonar)).replace('_', ' ')}"
+    return [f"- {count:,} picture{'s' * (count != 1)} of the sensor `{_cell(str(sonar)).replace('`', '')}`"
             + (f" at {frequency / 1e3:g} kHz" if frequency is not None else "")
             + f", scene `{_cell(str(scene)).replace('`', '')}`"
             for (sonar, frequency, scene), count in kinds.most_common()] + [

@@ -81,6 +81,10 @@ def find_sources(places: FilePath | Iterable[FilePath]) -> list[Source]:
             images.append((place, place.stem, place.resolve().parent.name, None))
     if not images:
         raise ValueError("there are no images; give EXR or netCDF files, or folders of sweeps.")
+    samples = [path for path, *_ in images if path.suffix.lower() == ".tar"]
+    if samples:
+        raise ValueError(f"{samples[0]} is a sample, whose pictures are labelled already; gather samples by `mitsonar "
+                         "shards`, or give images (.exr).")
     twice = [path for path, count in Counter(path.resolve() for path, *_ in images).items() if count > 1]
     if twice:
         raise ValueError(f"the image {twice[0]} is given twice; leave one out.")

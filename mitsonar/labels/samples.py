@@ -69,7 +69,7 @@ def write_sample(record: xr.Dataset, stream: IO[bytes], key: str, rules: SampleR
                 continue
             if lacking := {piece.class_name for piece in tile.pieces} - set(classes):
                 raise ValueError(f"{key} has objects of the class {', '.join(sorted(lacking))}, which the classes "
-                                 "given lack; give all classes.")
+                                 "of the plan lack; add them to `classes`, or to `negatives` under [labels].")
             name = f"{key}_{tile.ending}" if tile.ending else key
             tally.picture(_counts(tile, numbers), tile.negatives, rules.labels.negative_class)
             for ending, content in _members(record, tile, name, rules, numbers, about):

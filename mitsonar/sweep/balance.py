@@ -100,7 +100,8 @@ def missed_said(verdict: Verdict, made: int, renders: int) -> str:
     """Return a sentence about a wish that is not met, with that many renders made of a plan."""
     if verdict.asked < 1 or not verdict.got:
         why = "More samples do not change a share" if verdict.asked < 1 else "None has shown yet"
-        return f"{verdict.words}. {why}: let the plan draw them more often, by weights or counts of targets."
+        return (f"{verdict.words}. {why}: let the plan draw them more often, by weights or counts of targets, or let "
+                "the sonar see more of the area where they lie.")
     needed = math.ceil(made * verdict.asked / verdict.got)
     return (f"{verdict.words}. At this rate a plan of {needed:,} renders would have them, instead of {renders:,}; or "
             "let it draw them more often.")

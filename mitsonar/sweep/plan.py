@@ -119,6 +119,11 @@ class Plan:
     def __len__(self):
         return self.count
 
+    def __repr__(self):
+        return (f"<{type(self).__module__.rpartition('.')[0]}.Plan {self.path!r}: {self.count:,} "
+                f"render{'s' * (self.count != 1)} of {', '.join(recipe.name for recipe in self.recipes)}, "
+                f"seed {self.seed}>")
+
     @property
     def scene(self) -> str:
         """Return the path of the first scene, in most plans the only one."""

@@ -80,7 +80,7 @@ def test_classes_are_numbered_as_they_are_given_also_those_that_no_image_has(ima
     (["a.exr", "--coco", "--smallest", "0"], "has 0 bins"),
     (["a.exr", "--coco", "--classes", "box,box"], "the classes are 'box', 'box'; give each name once"),
     (["a.exr", "--coco", "--classes", "box, "], "the classes are 'box', ''; give each name once"),
-    (["a.exr", "--coco", "--classes", "box, tyre"], "objects of the class wreck, which the classes given lack"),
+    (["a.exr", "--coco", "--classes", "box, tyre"], "give all classes, or name those as negatives"),
     (["a.exr", "--coco", "--tile", "512"], "'512' is no size of a tile; give PINGSxBINS"),
     (["a.exr", "--coco", "--tile", "1x1"], "a tile is 1 pings by 1 bins"),
     (["a.exr", "--coco", "--overlap", "0.5"], "but no tiles"),
@@ -108,6 +108,7 @@ def test_classes_are_numbered_as_they_are_given_also_those_that_no_image_has(ima
     (["old.exr", "--coco"], "old.exr has no share, no object_shadow, no attribute objects"),
     (["odd.exr", "--coco"], "has levels over ping, elevation, range"),
     (["shady.exr", "--coco"], "the class 'box shadow' would be taken for a shadow"),
+    (["0001.tar", "--coco"], "0001.tar is a sample, whose pictures are labelled already; gather samples by"),
     (["empty", "--coco"], "holds no manifest.jsonl, so it is no sweep"),
     (["torn", "--coco"], "no finished image yet"),
 ])

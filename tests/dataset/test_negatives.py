@@ -74,6 +74,13 @@ def test_labels_of_images_leave_them_out_too(tmp_path):
         assert document["info"]["negatives"] == ["stone"]
 
 
+def test_a_class_that_the_plan_lacks_is_refused_with_both_remedies():
+    rules = SampleRules(labels=Labels(masks=True, classes=["box"]))
+    with pytest.raises(ValueError, match="stone, which the classes of the plan lack; add them to `classes`, or to "
+                                         r"`negatives` under \[labels\]"):
+        write_sample(record(), io.BytesIO(), "a", rules)
+
+
 def test_negatives_are_not_mixed_with_others(tmp_path):
     with pytest.raises(ValueError, match="of the class 'box', which other objects have"):
         sample(negative_class="box")

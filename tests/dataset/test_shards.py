@@ -47,7 +47,8 @@ def sweep(tmp_path_factory):
             with open(path, "wb") as file:
                 write_sample(record, file, path.stem, RULES)
             manifest.write(json.dumps(
-                {"index": index, "output": path.name, "parameters": {"bed": index // 3, "preset": "a"}, "seed": index,
+                {"index": index, "output": path.name, "seed": index, "parameters": {
+                    "bed": index // 3, "preset": "a", "profile": ("0:1490", "0:1490, 9:1488")[index % 2]},
                  "inputs": "", "versions": {"mitsonar": "1"}, "status": "ok", "seconds": 1.5, "instruction_set": "AVX2",
                  "bytes": path.stat().st_size, "sha256": sha256(path)}) + "\n")
     return folder
@@ -100,8 +101,11 @@ def test_shards_hold_every_sample_once_in_mixed_order_and_keep_seabeds_apart(swe
         sample.path.stem for shard in shards if shard.subset == "val" for sample in shard.samples}
     assert table[0]["count_box"] == 1 and table[0]["parameter_preset"] == "a" and table[0]["instruction_set"] == "AVX2"
     card = (tmp_path / "set" / "README.md").read_text(encoding="utf-8")
-    assert re.search(r"\npython3 -m mitsonar render \S+ -D bed=\d -D preset=a --seed \d+ -o record\.exr\n", card)
+    assert re.search(r"\npython3 -m mitsonar render \S+ -D bed=\d -D preset=a -D '?profile=[^-]+ --seed \d+ -o "
+                     r"record\.exr\n", card)
     assert "license: cc-by-4.0" in card and "| train | 6 | 6 | 6 |" in card and "| bed | 0 to 3, median 1.5 |" in card
+    assert "| profile | `0:1490`, `0:1490, 9:1488` |" in card               # values that hold commas are told apart
+    assert "- 12 pictures of the sensor `sidescan` at 400 kHz, scene" in card
     croissant = json.loads((tmp_path / "set" / "croissant.json").read_text(encoding="utf-8"))
     assert {file["name"]: file["sha256"] for file in croissant["distribution"]}["train-00000.tar"] == sha256(
         tmp_path / "set" / "train-00000.tar")
@@ -129,7 +133,7 @@ def test_a_split_by_a_parameter_keeps_its_values_apart(sweep, tmp_path):
     shards = write_shards([sweep], tmp_path / "set", shares=read_shares("train=0.75,test=0.25"), by="bed")
     beds = [{sample.record["parameters"]["bed"] for sample in shard.samples} for shard in shards]
     assert [len(bed) for bed in beds] == [3, 1] and not beds[0] & beds[1]
-    with pytest.raises(ValueError, match="has no scene parameter colour; it was given bed, preset"):
+    with pytest.raises(ValueError, match="has no scene parameter colour; it was given bed, preset, profile"):
         write_shards([sweep], tmp_path / "other", shares=read_shares("train=0.5,val=0.5"), by="colour")
 
 
@@ -252,7 +256,7 @@ def test_odd_names_stay_in_their_cells(tmp_path):
     write_shards([folder], tmp_path / "set", about={"title": "a: [b", "licence": "CC: x"})
     card = (tmp_path / "set" / "README.md").read_text(encoding="utf-8")
     assert 'pretty_name: "a: [b"\nlicense: other\n' in card and "| a\\|b # c \"' |" in card
-    assert "| a\\|b | x\\|y |" in card
+    assert "| a\\|b | `x\\|y` |" in card
     for words in ({"title": "a\n---\nb"}, {"authors": 5}):
         with pytest.raises(ValueError, match="give a text of one line"):
             check_words(words)

@@ -93,6 +93,7 @@ def test_wishes_are_compared_with_what_came_of_them(place):
     assert said[0] == ("pictures with mine: 4; asked for 6. At this rate a plan of 18 renders would have them, instead "
                        "of 12; or let it draw them more often.")
     assert said[1].startswith("pictures with diver: 0 of 12, 0.0%; asked for 50.0%. More samples do not change")
+    assert said[1].endswith("or let the sonar see more of the area where they lie.")           # drawn, but out of range
     assert tally_said(outcome.labelled) == ("12 pictures, 4 without objects, 4 with negatives alone; boxes in "
                                             "pictures: mine 4 in 4, rock 12 in 8")
     half = [verdict.met for verdict in verdicts({"boxes": {"rock": 20}}, outcome.labelled, finished=0.5)]

@@ -104,6 +104,7 @@ def test_scenes_share_the_renders_of_a_plan(plan, place):
     assert all(1 < render.parameters["range"] < 2 for render in by_scene["other"])
     assert len({render.parameters["rays"] for render in found}) == 40       # of one name, but drawn apart in each scene
     assert len({render.seed for render in found}) == 40
+    assert repr(plan(SCENES)).endswith("plan.toml': 40 renders of reef, mud, other, seed 0>")
 
 
 def test_more_renders_change_none_of_those_before(plan):

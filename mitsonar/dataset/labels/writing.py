@@ -130,7 +130,7 @@ def _classes(sources, labels):
     lacking = [name for name in present if name not in wanted]
     if lacking:
         raise ValueError(f"the images have objects of the class {', '.join(lacking)}, which the classes given lack; "
-                         "give all classes.")
+                         "give all classes, or name those as negatives.")
     return list(wanted)
 
 
