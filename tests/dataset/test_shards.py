@@ -271,7 +271,7 @@ def test_what_others_wrote_into_a_sample_stays_text_of_one_line_on_the_card(tmp_
     card = (tmp_path / "set" / "README.md").read_text(encoding="utf-8")
     lines, command = card.split("\n"), next(line for line in card.split("\n") if line.startswith("python3"))
     assert lines.count("---") == 2 and not any(line.startswith("# y") for line in lines) and "\x1b" not in card
-    assert "<script>" not in card.replace(command, "") and "- 2 pictures of a x --- # y &lt;script>" in card
+    assert "<script>" not in card.replace(command, "") and "- 2 pictures of the sensor `x --- # y &lt;script>" in card
 
 
 def test_the_card_counts_seabeds_in_several_subsets(tmp_path):
