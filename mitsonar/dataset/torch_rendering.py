@@ -52,6 +52,7 @@ class RenderedImages(torch.utils.data.IterableDataset):
         # every epoch may have new workers, and more or fewer
         self._table = torch.zeros((MOST_WORKERS, 4), dtype=torch.int64).share_memory_()
         self._begun = 0                                # iterations in this process
+        self._fault: Exception | None = None           # of the plan, when a worker read it again
         self._state: dict[str, int] | None = None      # to begin at
         self._at = {"epoch": 0, "done": 0, "frames": 0}
         if endless:
@@ -76,6 +77,8 @@ class RenderedImages(torch.utils.data.IterableDataset):
         self._state = {name: int(state[name]) for name in self._at}
 
     def __iter__(self) -> Iterator[Any]:
+        if self._fault is not None:
+            raise self._fault
         info = torch.utils.data.get_worker_info()
         worker, workers = (0, 1) if info is None else (info.id, info.num_workers)
         if workers > MOST_WORKERS:
@@ -171,9 +174,13 @@ class RenderedImages(torch.utils.data.IterableDataset):
 
     def __setstate__(self, state):
         path, stamp = state["plan"]
-        self.__dict__.update(state, plan=load_plan(path))
-        if self.plan.stamp != stamp:
-            raise ValueError(f"{path} was changed since the data set was made; make the data set again.")
+        self.__dict__.update({name: item for name, item in state.items() if name != "plan"})
+        try:
+            self.plan = load_plan(path)
+            if self.plan.stamp != stamp:
+                raise ValueError(f"{path} was changed since the data set was made; make the data set again.")
+        except (ValueError, OSError) as error:         # raised later, where DataLoader passes it on to its process
+            self._fault = error
 
 
 def _place(rank: int | None, world_size: int | None) -> tuple[int, int]:

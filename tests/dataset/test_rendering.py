@@ -221,5 +221,7 @@ def test_a_worker_reads_the_plan_again_unless_it_has_changed(plan, torch):
     assert list(copy) == list(data)
     held = pickle.dumps(data)
     plan(samples=3)
-    with pytest.raises(ValueError, match="plan.toml was changed since the data set was made"):
-        pickle.loads(held)
+    for worker in (False, True):                       # a worker passes it on instead of ending in a traceback
+        changed = torch.utils.data.DataLoader(data, batch_size=None, num_workers=1, multiprocessing_context="spawn")
+        with pytest.raises(ValueError, match="plan.toml was changed since the data set was made"):
+            next(iter(changed if worker else pickle.loads(held)))
