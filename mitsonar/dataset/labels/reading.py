@@ -54,7 +54,8 @@ def read(folder: FilePath) -> list[LabelledPicture]:
     paths = sorted(path for path in folder.rglob("*") if path.suffix.lower() in SUFFIXES
                    and not {*path.relative_to(folder).parts[:-1]} & {*OTHERS})
     if not paths:
-        raise ValueError(f"the folder {folder} has no pictures; give one with PNG, JPEG or TIFF files.")
+        raise ValueError(f"the folder {folder} has no pictures; give one with PNG, JPEG or TIFF files. "
+                         "WebDataset and Hugging Face's datasets read samples and shards.")
     coco = [document for path in sorted(folder.glob("*.json")) if (document := _coco(path))]
     texts = {path: _beside(path, "labels", (".txt",)) for path in paths}
     masks = {path: _beside(path, "masks", SUFFIXES) for path in paths}
