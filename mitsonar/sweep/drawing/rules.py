@@ -105,7 +105,8 @@ def check_cases(rules: Mapping[str, Rule], columns: Mapping[str, Sequence[Any]])
                              f"{when.of.text} is one of {shortened(', '.join(values))}; give cases of these")
         lacking = [text for text in values if text not in when.cases and text not in map(_number_text, when.cases)]
         if lacking and not when.has_else:
-            raise ValueError(f"{when.where} has no case {shortened(lacking[0])} of {when.of.text}; add this case, or `else`")
+            raise ValueError(f"{when.where} has no case {shortened(lacking[0])} of {when.of.text}; add this case, or "
+                             "`else`")
 
 
 def case_of(given: Any) -> str:
