@@ -9,6 +9,7 @@ import pytest
 from labelled_sidescan import labelled
 from PIL import Image
 
+from mitsonar.dataset import labels
 from mitsonar.dataset.card import check_words
 from mitsonar.dataset.shards import write_shards
 from mitsonar.dataset.split import read_shares
@@ -68,6 +69,15 @@ def test_a_sample_holds_picture_masks_labels_and_arrays():
     level = np.load(io.BytesIO(held["000_7.npz"]))["level"]
     assert level.shape == picture.shape and (level[upper:upper + high, left:left + wide] == 95).all()
     assert sample() == held                            # no times, no owners
+
+
+def test_an_unpacked_sample_is_read_back_without_its_masks(tmp_path):
+    for name, content in sample().items():
+        (tmp_path / name).write_bytes(content)
+    picture, = labels.read(tmp_path)
+    assert picture.path.name == "000_7.png" and sorted(picture.classes) == ["0", "1", "2", "3"]
+    held = np.array(Image.open(tmp_path / "000_7.class.png"))
+    assert (picture.number[held > 0] > 0).all()
 
 
 def test_tiles_are_pictures_of_their_own():
