@@ -139,14 +139,18 @@ def _drawn(samples):
         different = set(map(str, values))
         if all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in values):
             low, middle, high = np.percentile(values, [0, 50, 100])
-            rows.append(f"| {_cell(name)} | {low:.4g} to {high:.4g}, median {middle:.4g} |" if low < high else
-                        f"| {_cell(name)} | {low:.4g} |")
+            rows.append(f"| {_cell(name)} | {_number(low)} to {_number(high)}, median {_number(middle)} |"
+                        if low < high else f"| {_cell(name)} | {_number(low)} |")
         else:
             # quoted, as a value may hold commas: a profile, or two numbers to draw between
             quoted = (f"`{value.replace('`', ' ')}`" for value in sorted(different)[:8])
             rows.append(f"| {_cell(name)} | {_cell(', '.join(quoted))}"
                         f"{', ...' * (len(different) > 8)} |")
     return rows if len(rows) > 2 else ["Nothing but the seed."]
+
+
+def _number(value):
+    return f"{value:.0f}" if float(value).is_integer() and abs(value) < 1e12 else f"{value:.4g}"
 
 
 def meshes_in(pictures: Iterable[Mapping[str, Any]]) -> Counter[tuple[str, ...]]:

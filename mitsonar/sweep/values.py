@@ -13,6 +13,9 @@ from dataclasses import dataclass
 from statistics import NormalDist
 from typing import Any, TypeGuard
 
+from mitsonar.device.spelling import meant
+
+BESIDE = "stratified", "weights"   # keys beside a distribution
 MOST_VALUES = 1_000_000
 LONGEST_TEXT = 1000
 MOST_LISTED = 1000                 # integers that are listed as choices
@@ -66,7 +69,8 @@ def draw(given: object, where: str) -> Draw:
     kind, rest = kinds[0], {name: item for name, item in given.items() if name != kinds[0]}
     unknown = [name for name in rest if (kind, name) != ("choice", "weights")]
     if unknown:
-        raise ValueError(f"{where} has the unknown key {shortened(unknown[0])} beside {kind}; leave it out")
+        raise ValueError(f"{where} has the unknown key {shortened(unknown[0])}{meant(unknown[0], BESIDE)} beside "
+                         f"{kind}; leave it out")
     return DISTRIBUTIONS[kind](given[kind], f"{where}: {kind}", **rest)
 
 

@@ -10,6 +10,7 @@ import pytest
 from labelled_sidescan import labelled
 from PIL import Image
 
+from mitsonar.dataset import labels
 from mitsonar.dataset.card import check_words
 from mitsonar.dataset.shards import write_shards
 from mitsonar.dataset.split import read_shares
@@ -48,7 +49,8 @@ def sweep(tmp_path_factory):
                 write_sample(record, file, path.stem, RULES)
             manifest.write(json.dumps(
                 {"index": index, "output": path.name, "seed": index, "parameters": {
-                    "bed": index // 3, "preset": "a", "profile": ("0:1490", "0:1490, 9:1488")[index % 2]},
+                    "bed": index // 3, "preset": "a", "rays": 15000,
+                    "profile": ("0:1490", "0:1490, 9:1488")[index % 2]},
                  "inputs": "", "versions": {"mitsonar": "1"}, "status": "ok", "seconds": 1.5, "instruction_set": "AVX2",
                  "bytes": path.stat().st_size, "sha256": sha256(path)}) + "\n")
     return folder
@@ -68,6 +70,15 @@ def test_a_sample_holds_picture_masks_labels_and_arrays():
     level = np.load(io.BytesIO(held["000_7.npz"]))["level"]
     assert level.shape == picture.shape and (level[upper:upper + high, left:left + wide] == 95).all()
     assert sample() == held                            # no times, no owners
+
+
+def test_an_unpacked_sample_is_read_back_without_its_masks(tmp_path):
+    for name, content in sample().items():
+        (tmp_path / name).write_bytes(content)
+    picture, = labels.read(tmp_path)
+    assert picture.path.name == "000_7.png" and sorted(picture.classes) == ["0", "1", "2", "3"]
+    held = np.array(Image.open(tmp_path / "000_7.class.png"))
+    assert (picture.number[held > 0] > 0).all()
 
 
 def test_tiles_are_pictures_of_their_own():
@@ -101,10 +112,11 @@ def test_shards_hold_every_sample_once_in_mixed_order_and_keep_seabeds_apart(swe
         sample.path.stem for shard in shards if shard.subset == "val" for sample in shard.samples}
     assert table[0]["count_box"] == 1 and table[0]["parameter_preset"] == "a" and table[0]["instruction_set"] == "AVX2"
     card = (tmp_path / "set" / "README.md").read_text(encoding="utf-8")
-    assert re.search(r"\npython3 -m mitsonar render \S+ -D bed=\d -D preset=a -D '?profile=[^-]+ --seed \d+ -o "
-                     r"record\.exr\n", card)
+    assert re.search(r"\npython3 -m mitsonar render \S+ -D bed=\d -D preset=a -D rays=15000 -D '?profile=[^-]+ --seed "
+                     r"\d+ -o record\.exr\n", card)
     assert "license: cc-by-4.0" in card and "| train | 6 | 6 | 6 |" in card and "| bed | 0 to 3, median 1.5 |" in card
     assert "| profile | `0:1490`, `0:1490, 9:1488` |" in card               # values that hold commas are told apart
+    assert "| rays | 15000 |" in card                      # not 1.5e+04
     assert "- 12 pictures of the sensor `sidescan` at 400 kHz, scene" in card
     croissant = json.loads((tmp_path / "set" / "croissant.json").read_text(encoding="utf-8"))
     assert {file["name"]: file["sha256"] for file in croissant["distribution"]}["train-00000.tar"] == sha256(
@@ -133,7 +145,7 @@ def test_a_split_by_a_parameter_keeps_its_values_apart(sweep, tmp_path):
     shards = write_shards([sweep], tmp_path / "set", shares=read_shares("train=0.75,test=0.25"), by="bed")
     beds = [{sample.record["parameters"]["bed"] for sample in shard.samples} for shard in shards]
     assert [len(bed) for bed in beds] == [3, 1] and not beds[0] & beds[1]
-    with pytest.raises(ValueError, match="has no scene parameter colour; it was given bed, preset, profile"):
+    with pytest.raises(ValueError, match="has no scene parameter colour; it was given bed, preset, profile, rays"):
         write_shards([sweep], tmp_path / "other", shares=read_shares("train=0.5,val=0.5"), by="colour")
 
 

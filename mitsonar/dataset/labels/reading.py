@@ -18,6 +18,7 @@ from mitsonar.device.files import FilePath
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
 OTHERS = ("labels", "masks")       # folders of labels, which are no pictures
+MASKS = (".instance", ".class", ".shadow", ".bed_shadow")      # masks beside the pictures of a sample
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,9 +53,11 @@ def read(folder: FilePath) -> list[LabelledPicture]:
     if not folder.is_dir():
         raise FileNotFoundError(f"there is no folder {folder}; give one with pictures and their labels.")
     paths = sorted(path for path in folder.rglob("*") if path.suffix.lower() in SUFFIXES
-                   and not {*path.relative_to(folder).parts[:-1]} & {*OTHERS})
+                   and not {*path.relative_to(folder).parts[:-1]} & {*OTHERS}
+                   and not _is_mask(path))
     if not paths:
-        raise ValueError(f"the folder {folder} has no pictures; give one with PNG, JPEG or TIFF files.")
+        raise ValueError(f"the folder {folder} has no pictures; give one with PNG, JPEG or TIFF files, "
+                         "or unpack the tars of a sweep of samples or of shards.")
     coco = [document for path in sorted(folder.glob("*.json")) if (document := _coco(path))]
     texts = {path: _beside(path, "labels", (".txt",)) for path in paths}
     masks = {path: _beside(path, "masks", SUFFIXES) for path in paths}
@@ -66,6 +69,12 @@ def read(folder: FilePath) -> list[LabelledPicture]:
     if any(masks.values()):
         return [_masked(path, mask) for path, mask in masks.items()]
     raise ValueError(f"the folder {folder} has no labels; give COCO's JSON, YOLO's texts in labels, or masks.")
+
+
+def _is_mask(path: Path) -> bool:
+    """Return True for the mask of a sample, which has the name of its picture before ``.class.png`` and the like."""
+    name = Path(path.stem)
+    return name.suffix in MASKS and path.with_name(name.stem + path.suffix).is_file()
 
 
 def _grey(path: Path) -> np.ndarray:

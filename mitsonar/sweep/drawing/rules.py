@@ -106,7 +106,8 @@ def check_cases(rules: Mapping[str, Rule], columns: Mapping[str, Sequence[Any]])
                              f"{when.of.text} is one of {shortened(', '.join(values))}; give cases of these")
         lacking = [text for text in values if text not in when.cases and text not in map(number_text, when.cases)]
         if lacking and not when.has_else:
-            raise ValueError(f"{when.where} has no case {shortened(lacking[0])} of {when.of.text}; add it, or else")
+            raise ValueError(f"{when.where} has no case {shortened(lacking[0])} of {when.of.text}; add this case, or "
+                             "`else`")
 
 
 def case_of(given: Any) -> str:
@@ -175,7 +176,7 @@ def _chosen(given, where, depth):
         text = case_of(of.value(values))
         found = by_text.get(text, other)
         if found is None:
-            raise ValueError(f"{where} has no case {shortened(text)} of {of.text}; add it, or else")
+            raise ValueError(f"{where} has no case {shortened(text)} of {of.text}; add this case, or `else`")
         return found.value(chance, values)
 
     return Rule(value=chosen, needs=tuple(dict.fromkeys([*of.needs, *(name for part in every for name in part.needs)])),
