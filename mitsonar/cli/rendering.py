@@ -5,6 +5,7 @@ Raw echoes of a synthetic aperture are written ping by ping, and the same comman
 from __future__ import annotations
 
 import argparse
+import contextlib
 import os
 import time
 from collections.abc import Iterator
@@ -39,6 +40,8 @@ def add(commands: Commands) -> None:
     add_gain(render, "recorder", "display gain over range of the preview")
     render.add_argument("--each-ping", action="store_true",
                         help="write each ping of a fan of beams to a file of its own, OUT_0000.exr and so on")
+    render.add_argument("--processes", type=whole, default=1, metavar="N",
+                        help="processes that share the pings of a long survey, each with --threads; default: 1")
     render.set_defaults(run=_render)
 
     signals = commands.add_parser("signals", help="write the signals of an array's elements, or the raw echoes of "
@@ -74,7 +77,7 @@ def _render(arguments):
             raise ValueError(f"--tvg {arguments.tvg} is for a preview, and none is asked for; add --preview OUT.png, "
                              "or leave it out.")
         _render_to(scenes.find(arguments.scene), parameters(arguments), arguments.seed, arguments.output,
-                   arguments.preview, arguments.threads, arguments.sensor, gain(arguments))
+                   arguments.preview, arguments.threads, arguments.sensor, gain(arguments), arguments.processes)
 
 
 def _signals(arguments):
@@ -149,11 +152,11 @@ def _with_estimate(pings: Iterator[xr.Dataset], start: int, count: int) -> Itera
         yield ping
 
 
-def _render_to(path, values, seed, output, preview, threads, sensor=0, tvg: Tvg = "recorder"):
+def _render_to(path, values, seed, output, preview, threads, sensor=0, tvg: Tvg = "recorder", processes=1):
     _check_outputs(output, preview)
-    from mitsonar import load_file, render
+    from mitsonar import load_file
     from mitsonar.io.records import exr
-    from mitsonar.verbs.images import opened
+    from mitsonar.verbs.images import opened, rendered
 
     set_up(threads)
     scene = load_file(path, **values)
@@ -164,8 +167,10 @@ def _render_to(path, values, seed, output, preview, threads, sensor=0, tvg: Tvg 
                              "--tvg.")
     for which, suffix in asked:
         image, picture = _with_suffix(output, suffix), preview and _with_suffix(preview, suffix)
-        with Progress() as progress:
-            dataset = render(scene, seed=seed, sensor=which, progress=progress, say=warn)
+        job = {"scene": path, "parameters": values, "seed": seed, "sensor": which}
+        # several processes end their first parts at about the same time
+        with _run_parts(job, processes, threads) as run_parts, Progress(warm_up=processes) as progress:
+            dataset = rendered(scene, seed, which, progress, warn, run_parts=run_parts)
         exr.write(dataset, image)
         announce(image)
         if picture is not None:
@@ -173,6 +178,21 @@ def _render_to(path, values, seed, output, preview, threads, sensor=0, tvg: Tvg 
 
             plots.preview(dataset, picture, tvg=tvg)
             announce(picture)
+
+
+@contextlib.contextmanager
+def _run_parts(job, processes, threads):
+    """Yield the function that computes the parts of a record: here, or by processes that end with the context."""
+    if processes == 1:
+        yield map
+        return
+    from mitsonar.sweep.manifest import versions
+    from mitsonar.sweep.pools.local import Local, shares
+    from mitsonar.sweep.pools.picture_jobs import PictureParts
+
+    processes, threads = shares(processes, threads)
+    with Local(processes, threads, os.getcwd()) as pool:
+        yield PictureParts(pool, {**job, "versions": versions(), "folder": os.getcwd()})
 
 
 def _sensors(scene, asked):
@@ -195,6 +215,9 @@ def _render_pings(arguments):
     if arguments.preview is not None:
         raise ValueError("--preview and --each-ping are both given; draw the pings by `mitsonar plot` or `mitsonar "
                          "video`, or leave one of them out.")
+    if arguments.processes != 1:
+        raise ValueError("--processes and --each-ping are both given, and single pings are rendered in one process; "
+                         "leave one of them out.")
     _check_outputs(arguments.output, None)
     from mitsonar import frames, load_file
     from mitsonar.io.records import exr

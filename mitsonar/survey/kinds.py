@@ -87,6 +87,14 @@ class FrameKind(Kind[SurveyT, SensorT], Protocol):
 
 FRAMES = "array", "forward_looking", "multibeam"                               # each ping is a picture by itself
 STEPPED: Mapping[str, FrameKind[Survey, Sensor]] = _KindFiles(*FRAMES, "sidescan", "sector_scan")
+TOGETHER = "sector_scan", "synthetic_aperture"             # the picture is made of the signals of all pings
+
+
+def check_parts(sensor: Sensor) -> None:
+    """Raise `ValueError` if the pings of the sensor's kind of sonar cannot be shared among processes."""
+    if sensor.kind in TOGETHER:
+        raise ValueError(f"the pings of a {sensor.kind} cannot be shared among processes, because its picture is made "
+                         "of the signals of all pings together; render it in one process, which uses all cores")
 
 
 class SounderKind(Kind[SurveyT, SensorT], Protocol):

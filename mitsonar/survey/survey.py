@@ -7,10 +7,10 @@ windows, sampling and units, is planned with the extremes of `Survey.waters`, or
 """
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Generic, NamedTuple, TypeVar
+from typing import Any, Generic, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -35,6 +35,9 @@ class Surroundings(NamedTuple):
 
 SurveyOf = TypeVar("SurveyOf", bound="Survey")
 _Made = TypeVar("_Made")
+_Part = TypeVar("_Part", int, np.ndarray)
+# computes the parts of a record: yields work(part) of every part, in order, here or in other processes
+RunParts: TypeAlias = Callable[[Callable[[Any], Any], Sequence[Any]], Iterator[Any]]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,6 +49,7 @@ class Survey:
     passage: Passage  # pings and their track
     rays: int  # per ping
     max_depth: int = 1  # largest number of bounces of an echo
+    run_parts: RunParts = map  # here, unless a command shares them among processes
 
     @property
     def voyage(self) -> Voyage:
@@ -86,6 +90,17 @@ class Survey:
     def stepped(self: SurveyOf, stepping: Stepping) -> SurveyOf:
         """Return the survey of a sonar that is stepped, with this one as its plan."""
         return replace(self, passage=replace(self.passage, stepping=stepping), world=self.world.stepped(stepping))
+
+    def each_part(self, work: Callable[[_Part], _Made], parts: Sequence[_Part],
+                  progress: Callable[[int, int], None] | None) -> Iterator[_Made]:
+        """Yield ``work(part)`` of each part of a record, which is a ping or consecutive pings (P,)."""
+        made = self.run_parts(work, parts)
+        for part in parts:
+            yield next(made)
+            if progress is not None:
+                progress(int(np.max(part)) + 1, self.track.pings)
+        if self.world.moves:
+            self.world.at(int(np.max(parts[-1])))      # as after work that is done here
 
     @property
     def track(self) -> Track:

@@ -5,6 +5,7 @@ import importlib.metadata
 import operator
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
 import mitsuba as mi
@@ -24,7 +25,7 @@ from mitsonar.scene.alterations import altered
 from mitsonar.scene.errors import as_exception
 from mitsonar.scene.loading import load_file, prepare
 from mitsonar.survey.integrator import SoundIntegrator, integrator_of
-from mitsonar.survey.kinds import check_frames, sounder_kind_of
+from mitsonar.survey.kinds import check_frames, check_parts, sounder_kind_of
 from mitsonar.survey.sensor import Sensor, sonar_of
 from mitsonar.version import __version__
 from mitsonar.water.profile import SoundSpeedProfile
@@ -33,7 +34,7 @@ if TYPE_CHECKING:                                        # of kinds of sonar tha
     from mitsonar.survey.pressure.array_survey import ArraySurvey
     from mitsonar.survey.soundings.heights import DepthReference
     from mitsonar.survey.soundings.survey import SoundedSurvey
-    from mitsonar.survey.survey import Survey
+    from mitsonar.survey.survey import RunParts, Survey
 
 MOST_SNIPPETS = 10_000
 SEEDS = 1 << 32                    # Mitsuba accepts no other seeds
@@ -82,10 +83,21 @@ def render(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int | str = 0,
         If `scene` is neither a file name nor a scene of the current variant, `seed` is not an integer, or
         parameters are given for a scene that is already loaded.
     """
+    return rendered(scene, seed, sensor, progress, say, parameters)
+
+
+@one_at_a_time
+def rendered(scene: mi.Scene | FilePath, seed: int, sensor: int | str,
+             progress: Callable[[float, float], None] | None = None, say: Callable[[str], None] | None = None,
+             parameters: Mapping[str, object] | None = None, run_parts: RunParts = map) -> SonarImage:
+    """Render a scene as `render` does, with parts of its record that may be computed elsewhere."""
     seed = checked_seed(seed)
     scene, sonar, integrator = opened(scene, sensor, parameters)
     try:
         survey = integrator.survey(scene, sonar, seed)
+        if run_parts is not map:
+            check_parts(sonar)
+            survey = replace(survey, run_parts=run_parts)
         image = integrator.picture(survey, sonar, seed, progress, say)
     except RuntimeError as error:
         raise as_exception(error) from error

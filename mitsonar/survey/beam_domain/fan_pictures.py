@@ -52,8 +52,8 @@ class FanPictures:
         """Return the image of all pings; arguments as of `mitsonar.render`."""
         survey, pings = self._survey, range(self._survey.track.pings)
         limits.check_beams(survey, len(self._directions[0]), pings=len(pings))
-        if self._beams is None:
-            level, record = self._framed(self._frames, pings, progress)
+        if self._beams is None or survey.run_parts is not map:
+            level, record = self._framed(pings, progress)
         else:
             level, record = self._of_elements(pings, progress, say), energy.record(survey, self._beams, self._seed)
         image = self._image(pings, level, record)
@@ -61,12 +61,7 @@ class FanPictures:
 
     def of(self, ping: int) -> xr.Dataset:
         """Return the image of one ping; memory does not grow with the number of pings."""
-        if self._block is None:
-            level, record = self._framed(self._frames, [ping], None)
-        else:
-            level = self._of_elements([ping], None, None)
-            record = gathered([self._block.at(ping).echoes(np.array([ping]))], pings=1, rows=level.shape[1])
-        image = self._image([ping], level, record)
+        image = self._image([ping], *self._framed([ping], None))
         return image.assign_attrs(unseen=objects.unseen(image, warn=False))
 
     @cached_property
@@ -74,18 +69,22 @@ class FanPictures:
         """Return the source of the truth of single pings; None in the beam domain, which makes it of its own echoes."""
         return None if self._beams is None else energy.energy_blocks(self._survey, self._beams, self._seed)
 
-    def _framed(self, frames: PerSurroundings[ArraySurvey, Frames], pings: Sequence[int],
-                progress: Progress | None) -> tuple[np.ndarray, EnergyRecord]:
-        """Return the levels (ping, beam, sample) of frames, and their truth."""
+    def _frame(self, ping: int) -> tuple[np.ndarray, EnergyRecord]:
+        """Return the levels (beam, sample) of a ping, and their truth."""
+        if self._block is not None:
+            level = self._of_elements([ping], None, None)[0]
+            return level, self._block.at(ping).echoes(np.array([ping]))
+        beams, truth = self._frames.at(ping).frame(ping, self._seed)
+        return fan.levels(beams).astype(np.float32), truth
+
+    def _framed(self, pings: Sequence[int], progress: Progress | None) -> tuple[np.ndarray, EnergyRecord]:
+        """Return the levels (ping, beam, sample) of pings that are made one by one, and their truth."""
         level = []
 
         def records() -> Iterator[EnergyRecord]:
-            for done, ping in enumerate(pings, 1):
-                beams, truth = frames.at(ping).frame(ping, self._seed)
-                level.append(fan.levels(beams).astype(np.float32))
+            for levels, truth in self._survey.each_part(self._frame, pings, progress):
+                level.append(levels)
                 yield truth
-                if progress is not None:
-                    progress(done, len(pings))
 
         record = gathered(records(), pings=len(pings), rows=len(self._directions[1]))
         return np.stack(level), record

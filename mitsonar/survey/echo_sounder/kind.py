@@ -7,7 +7,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import Protocol
+from typing import Any, Protocol
 
 import mitsuba as mi
 import numpy as np
@@ -76,13 +76,14 @@ def picture(survey: ArraySurvey, sensor: EchoSounderSensor, seed: int,
     signals = PerSurroundings(survey, lambda part: FaceSignals(part, sensor.quadrants, bins))
     sounder, measured = _calibrated(survey, sensor, speed, bins), []
 
+    def of(ping: int) -> tuple[Any, EnergyRecord]:
+        made = signals.at(ping).ping(ping, seed)
+        return sounder.measured(made.whole, made.halves), made.truth
+
     def records() -> Iterator[EnergyRecord]:
-        for ping in range(pings):
-            made = signals.at(ping).ping(ping, seed)
-            measured.append(sounder.measured(made.whole, made.halves))
-            yield made.truth
-            if progress is not None:
-                progress(ping + 1, pings)
+        for values, truth in survey.each_part(of, range(pings), progress):
+            measured.append(values)
+            yield truth
 
     record = only_row(gathered(records(), pings=pings, rows=1))
     classes, class_of = classes_of(survey.labels)

@@ -15,7 +15,7 @@ scene compiles once. Random numbers are hashed from (seed, ping, row, ray): neit
 """
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from typing import Generic
@@ -100,15 +100,10 @@ def record(survey: Survey, rows: Rows, seed: int = 0,
     if long:
         give_back_memory()             # that of the plan, before blocks need as much
 
-    def blocks() -> Iterator[EnergyRecord]:
-        for stretch in survey.stretches():
-            for start in range(0, len(stretch), rows.pings_per_block):
-                ping = stretch[start:start + rows.pings_per_block]
-                yield block.at(ping[0]).echoes(ping)
-                if progress is not None:
-                    progress(int(ping[-1]) + 1, pings)
-
-    whole = gathered(blocks(), pings=pings, rows=rows.per_ping)
+    parts = [stretch[start:start + rows.pings_per_block] for stretch in survey.stretches()
+             for start in range(0, len(stretch), rows.pings_per_block)]
+    blocks = survey.each_part(lambda ping: block.at(ping[0]).echoes(ping), parts, progress)
+    whole = gathered(blocks, pings=pings, rows=rows.per_ping)
     dr.flush_malloc_cache()            # blocks are large: Dr.Jit would keep their memory beside what the picture needs
     if long:
         give_back_memory()

@@ -34,19 +34,21 @@ def picture(survey: InterferometricSurvey, sensor: InterferometricSensor, seed: 
     instrument = Interferometer(survey, seed)
     line, measured = SoundingLine(survey, instrument, seed), []
 
+    def of(ping: int) -> tuple[dict[str, np.ndarray], EnergyRecord]:
+        (port, port_truth), (starboard, starboard_truth) = (
+            side.frame(ping, seed) for side in instrument.sides(ping))
+        made = measured_rows(survey, (port, starboard))
+        found = line.ping(ping, made)
+        columns = {"power": made.level, "phase": made.phase, "coherence": made.coherence,
+                   **{name: np.where(found["valid"].values[0], found[name].values[0], np.nan) for name in KEPT},
+                   "valid": found["valid"].values[0], "angle": _depression(found)}
+        return ({name: made.by_side(values) for name, values in columns.items()},
+                joined([port_truth, starboard_truth]))
+
     def records() -> Iterator[EnergyRecord]:
-        for ping in range(pings):
-            (port, port_truth), (starboard, starboard_truth) = (
-                side.frame(ping, seed) for side in instrument.sides(ping))
-            made = measured_rows(survey, (port, starboard))
-            found = line.ping(ping, made)
-            columns = {"power": made.level, "phase": made.phase, "coherence": made.coherence,
-                       **{name: np.where(found["valid"].values[0], found[name].values[0], np.nan) for name in KEPT},
-                       "valid": found["valid"].values[0], "angle": _depression(found)}
-            measured.append({name: made.by_side(values) for name, values in columns.items()})
-            yield joined([port_truth, starboard_truth])
-            if progress is not None:
-                progress(ping + 1, pings)
+        for columns, truth in survey.each_part(of, range(pings), progress):
+            measured.append(columns)
+            yield truth
 
     record = gathered(records(), pings=pings, rows=2)
     classes, class_of = classes_of(survey.labels)

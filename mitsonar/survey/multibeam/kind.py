@@ -83,12 +83,9 @@ class _SwathPictures:
         survey, levels = self._survey, []
 
         def records() -> Iterator[EnergyRecord]:
-            for done, ping in enumerate(pings, 1):
-                frames = [sector.frame(ping, self._seed) for sector in self._sectors.at(ping)]
-                levels.append(np.concatenate([fan.levels(beams).astype(np.float32) for beams, _ in frames]))
-                yield joined([truth for _, truth in frames])
-                if progress is not None:
-                    progress(done, len(pings))
+            for level, truth in survey.each_part(self._frame, pings, progress):
+                levels.append(level)
+                yield truth
 
         record = gathered(records(), pings=len(pings), rows=survey.beams)
         first = survey.sectors[0].survey
@@ -103,6 +100,12 @@ class _SwathPictures:
             ping = pings[0]
             known = objects.standing(known, survey.world.at(ping), survey.track.position[ping])
         return self._with_beams(image, pings).assign_attrs(known, sonar="multibeam", preset=survey.preset)
+
+    def _frame(self, ping: int) -> tuple[np.ndarray, EnergyRecord]:
+        """Return the levels (beam, sample) of a ping, and their truth."""
+        frames = [sector.frame(ping, self._seed) for sector in self._sectors.at(ping)]
+        return (np.concatenate([fan.levels(beams).astype(np.float32) for beams, _ in frames]),
+                joined([truth for _, truth in frames]))
 
     def _with_beams(self, image: xr.Dataset, pings: Sequence[int]) -> xr.Dataset:
         """Add the direction, sector and frequency of every beam."""

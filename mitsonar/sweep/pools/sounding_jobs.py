@@ -1,22 +1,17 @@
 """Soundings by processes: a line as a product of a sweep, and blocks of pings of one line.
 
-A block's answer is a pickle in base64, from a process that the runner has started itself. Only the first block holds
-what all pings of a line share.
+Only the first block holds what all pings of a line share.
 """
-import base64
 import json
-import pickle
-import warnings
-from collections import deque
 from collections.abc import Callable, Iterator
 from typing import Any
 
 import xarray as xr
 
+from .answers import Answers, packed, unpacked
 from .local import Local
 
 BLOCK = 4                          # pings of a job
-AHEAD = 3                          # jobs of each process that are made or wait
 _SOUNDERS: dict[str, Any] = {}     # the line that this process has opened last
 
 
@@ -24,32 +19,14 @@ class PingBlocks:
     """Soundings of one line by several processes."""
 
     def __init__(self, pool: Local, job: dict[str, Any]):
-        self._pool, self._job, self._said = pool, job, set()
-        self.count = int(self._answer(pool.submit({**job, "pings": [0, 0], "whole": False}))["count"])
+        self._answers, self._job = Answers(pool), job
+        self.count = int(next(self._answers.of([{**job, "pings": [0, 0], "whole": False}]))["count"])
 
     def pings_from(self, start: int) -> Iterator[xr.Dataset]:
         """Yield the pings from a number on; only the first has what is not of its own."""
-        waiting, numbers = deque(), range(start, self.count, BLOCK)
-        for number in numbers:
-            waiting.append(self._pool.submit({**self._job, "pings": [number, min(number + BLOCK, self.count)],
-                                              "whole": number == start}))
-            if len(waiting) >= AHEAD * self._pool.capacity or number == numbers[-1]:
-                yield from self._pings(waiting.popleft())
-        while waiting:
-            yield from self._pings(waiting.popleft())
-
-    def _pings(self, future):
-        return pickle.loads(base64.b64decode(self._answer(future)["block"]))
-
-    def _answer(self, future):
-        answer = future.result()
-        for text in answer["warnings"]:
-            if text not in self._said:
-                self._said.add(text)
-                warnings.warn(text, stacklevel=2)
-        if answer.get("error"):
-            raise ValueError(answer["error"])
-        return answer
+        for answer in self._answers.of({**self._job, "pings": [number, min(number + BLOCK, self.count)],
+                                        "whole": number == start} for number in range(start, self.count, BLOCK)):
+            yield from unpacked(answer["block"])
 
 
 def block(job: dict[str, Any], load: Callable[[], Any]) -> dict[str, Any]:
@@ -65,7 +42,7 @@ def block(job: dict[str, Any], load: Callable[[], Any]) -> dict[str, Any]:
     for ping in pings_of(range(*job["pings"])):
         own = [name for name, variable in ping.variables.items() if whole or "ping" in variable.dims]
         pings.append(xr.Dataset({name: ping.variables[name] for name in own}, attrs=ping.attrs if whole else None))
-    return {"count": count, "block": base64.b64encode(pickle.dumps(pings)).decode()}
+    return {"count": count, "block": packed(pings)}
 
 
 def line(job: dict[str, Any], scene: Any, path: str) -> dict[str, Any]:

@@ -81,8 +81,10 @@ def _do(job, threads):
     from mitsonar import load_file, render
     from mitsonar.io.records import exr
 
-    from . import sounding_jobs
+    from . import picture_jobs, sounding_jobs
 
+    if "part" in job:
+        return picture_jobs.part(job, lambda: load_file(job["scene"], **job["parameters"]))
     if "pings" in job:
         return sounding_jobs.block(job, lambda: load_file(job["scene"], **job["parameters"]))
     try:
