@@ -120,8 +120,9 @@ class ImpulseResponses:
         self.numbers = {name: dr.opaque(lib.UInt32, value) for name, value in dict(
             row=self.row, plane=self.plane, span=self.span, elements=self.elements,
             sheet=self.row * self.elements, copy=one).items()}
-        # one packet for each group takes what falls outside the record
-        self.spare = max(2 * GROUPS, self.elements)
+        # what falls outside the record goes to packets of its own, one for each group and lane of a vector: additions
+        # to one and the same packet would wait for one another
+        self.spare = NEIGHBOURS * max(2 * GROUPS, self.elements)
         self.clear()
 
     def clear(self) -> None:
@@ -235,7 +236,9 @@ class ImpulseResponses:
         begin = copy * number["share"] + bundle * number["stretch"]
         end = dr.minimum(dr.minimum(begin + number["stretch"], (copy + 1) * number["share"]), number["count"])
         end = dr.select(group < number["used"], end, 0)
-        begin += lane - bundle * NEIGHBOURS
+        neighbour = lane - bundle * NEIGHBOURS
+        begin += neighbour
+        outside = group * NEIGHBOURS + neighbour
 
         def packets(hit: UInt32, active: Bool, owned: list[tuple[UInt32, Bool, list[Float]]]) -> list[tuple[Any, ...]]:
             read = [_gather(lib.Float, field, hit, active) for field in hits]
@@ -245,7 +248,8 @@ class ImpulseResponses:
             # Compiled in this order, delays of all rows first: their long chains of divisions overlap one another.
             dr.detail.new_scope(dr.backend_v(lib.Float))
             return [packet for (row, exists, _), delays in zip(owned, late)
-                    for packet in self._packets(read[:4], place, *delays, row + on_sheet, group, active & exists)]
+                    for packet in self._packets(read[:4], place, *delays, row + on_sheet, outside,
+                                                   active & exists)]
 
         def scatter(packets: list[tuple[Any, ...]]) -> None:
             mode = dr.ReduceMode.NoConflicts if self.on_cpu else dr.ReduceMode.Auto
@@ -280,7 +284,7 @@ class ImpulseResponses:
 
     # -- one hit at one element ----------------------------------------------------------------------------------
 
-    def _packets(self, hit, sample, delta, factor, row, group, active):
+    def _packets(self, hit, sample, delta, factor, row, outside, active):
         """Yield index and values of an echo's packets: `delta` is its extra delay, `factor` its gain at the element."""
         lib = self.lib
         real, imaginary, phase, fraction = hit
@@ -295,12 +299,12 @@ class ImpulseResponses:
         tap = lib.UInt32(sample + lib.Int32(whole) + (self.kernel.margin + (0 if self.planes == 1 else 1 - half)))
         active &= (tap <= self.numbers["span"] - self.kernel.taps) & (abs(place) < LANES)
         packet = row + tap if self.planes == 1 else row + (tap & 3) * self.numbers["plane"] + (tap >> 2)
-        packet = dr.select(active, packet, group)
+        packet = dr.select(active, packet, outside)
         weights = tap_weights(lib, self.kernel, place - whole)
         step = self.packet // 2
         for k in range(0, len(weights), step):
             values = [part * weight for weight in weights[k:k + step] for part in (real, imaginary)]
-            yield dr.select(active, packet + k // step, group) if k else packet, *values
+            yield dr.select(active, packet + k // step, outside) if k else packet, *values
 
     def _fold(self, sheet: int) -> Float:
         """Add up planes and copies of a sheet: interleaved complex rows, (elements x span)."""
