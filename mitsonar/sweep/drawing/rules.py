@@ -115,7 +115,7 @@ def case_of(given: Any) -> str:
     return str(int(given)) if isinstance(given, float) and given.is_integer() else scenes.text("", given)
 
 
-def number_text(text):
+def number_text(text: str) -> str:
     """Return the text of a number as `case_of` writes it; other texts as they are."""
     try:
         return case_of(float(text))
