@@ -29,6 +29,9 @@ def add(commands: Commands) -> None:
     labels.add_argument("--min-visible", type=float, default=0.0, metavar="SHARE",
                         help="least visible share of an annotation, and of an object's side that faces the sonar; "
                              "default: 0")
+    labels.add_argument("--min-contrast", type=float, metavar="SIGMA",
+                        help="least contrast of an annotation, in standard deviations of the grey values around, as "
+                             "0.5; default: any")
     labels.add_argument("--whole", action="store_true",
                         help="also annotate objects together with their shadows, as \"cylinder with shadow\"")
     labels.add_argument("--classes", metavar="NAMES",
@@ -87,8 +90,8 @@ def _labels(arguments):
         classes=None if arguments.classes is None else _names(arguments.classes),
         negatives=_names(arguments.negatives) if arguments.negatives else (), negative_class=arguments.negative_class,
         above_noise_db=arguments.above_noise, smallest=arguments.smallest,
-        min_visible=arguments.min_visible, whole=arguments.whole, tile=arguments.tile,
-        overlap=arguments.overlap, drop_empty=arguments.drop_empty,
+        min_visible=arguments.min_visible, min_contrast=arguments.min_contrast, whole=arguments.whole,
+        tile=arguments.tile, overlap=arguments.overlap, drop_empty=arguments.drop_empty,
         tvg=gain(arguments), form="cartesian" if arguments.cartesian else "polar", cell=arguments.cell,
         window=arguments.window, split=None if arguments.split is None else read_shares(arguments.split),
         split_seed=arguments.split_seed, split_by=arguments.split_by)
@@ -96,7 +99,7 @@ def _labels(arguments):
         counts = write(arguments.images, output, rules, progress)
     invisible, empty = counts.pop("invisible"), counts.pop("empty")
     print(", ".join(f"{count} {kind[:-1] if count == 1 else kind}" for kind, count in counts.items())
-          + f"; {invisible} more where the picture is black all around" * bool(invisible)
+          + f"; {invisible} more that the pictures do not show" * bool(invisible)
           + f"; {empty} empty picture{'s' * (empty != 1)} left out" * bool(empty), file=sys.stderr)
     announce(output)
 

@@ -9,8 +9,9 @@ import torch.utils.data  # pyright: ignore[reportMissingImports]  optional depen
 
 from mitsonar.imaging.focused import bin_dims
 from mitsonar.imaging.maps.raster import LEVELS
-from mitsonar.labels.annotations import HIGHLIGHT, annotations
+from mitsonar.labels.annotations import HIGHLIGHT, annotations, standing_out
 from mitsonar.labels.frames import LabelFrame
+from mitsonar.labels.pictures import greys
 from mitsonar.labels.rules import Labels
 from mitsonar.units import NOTHING_DB
 
@@ -101,6 +102,9 @@ class TorchImages(torch.utils.data.Dataset):
         rules = self.rules or Labels(masks=True, smallest=1)
         pieces, = annotations(dataset, frames, threshold=rules.threshold, smallest=rules.smallest,
                               above_noise_db=rules.above_noise_db)
+        if rules.min_contrast is not None:
+            pieces = standing_out(pieces, greys(dataset, frames, tvg=rules.tvg, window=rules.window).draw(frame),
+                                  rules.min_contrast)
         highlights = [piece for piece in pieces if piece.kind == HIGHLIGHT and piece.shown >= rules.min_visible
                       and self._named(piece.class_name) in self.images.object_classes]
         masks = np.zeros((len(highlights), frame.height, frame.width), np.uint8)

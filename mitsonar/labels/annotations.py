@@ -19,6 +19,7 @@ from .frames import LabelFrame, Tile
 HIGHLIGHT, SHADOW, WHOLE = "highlight", "shadow", "whole"
 ENDINGS = {HIGHLIGHT: "", SHADOW: " shadow", WHOLE: " with shadow"}      # of the names of categories
 AROUND = 2                         # bins
+BESIDE = 6                         # bins around an annotation that it is compared with
 LIT_SHARE = 0.1                    # least share of a visible piece, or of the bins around it, that is not black
 
 
@@ -122,6 +123,43 @@ def is_invisible(annotation: Annotation, picture: np.ndarray) -> bool:
     around = ndimage.binary_dilation(mask, iterations=AROUND) & ~mask
     return all(np.count_nonzero(lit & part) < LIT_SHARE * np.count_nonzero(part) for part in (mask, around)
                if part.any())
+
+
+def standing_out(pieces: Sequence[Annotation], picture: np.ndarray, least: float) -> list[Annotation]:
+    """Return the annotations of a picture (H, W) that stand out from what is beside them.
+
+    The mean grey value of a highlight is at least `least` standard deviations above that of the bins around, and of a
+    shadow as many below. Bins of other annotations do not count as around. A highlight with its shadow stays if either
+    does.
+    """
+    taken = np.zeros(picture.shape, bool)
+    for piece in pieces:
+        taken[_place(piece)] |= piece.mask
+    clear = {(piece.label, piece.side, piece.kind) for piece in pieces
+             if piece.kind != WHOLE and _contrast(piece, picture, taken) >= least}
+    return [piece for piece in pieces
+            if any((piece.label, piece.side, kind) in clear
+                   for kind in ((HIGHLIGHT, SHADOW) if piece.kind == WHOLE else (piece.kind,)))]
+
+
+def _contrast(piece, picture, taken):
+    """Return by how many standard deviations a highlight is brighter, or a shadow darker, than the bins around."""
+    top, left = max(0, piece.row - BESIDE), max(0, piece.column - BESIDE)
+    height, width = piece.mask.shape
+    near = np.s_[top:piece.row + height + BESIDE, left:piece.column + width + BESIDE]
+    mask = np.zeros(picture[near].shape, bool)
+    mask[piece.row - top:, piece.column - left:][:height, :width] = piece.mask
+    around = picture[near][ndimage.binary_dilation(mask, iterations=BESIDE) & ~taken[near]].astype(float)
+    if not around.size:
+        return np.inf                                  # nothing to compare it with
+    more = float(picture[near][mask].mean() - around.mean()) * (-1 if piece.kind == SHADOW else 1)
+    return more / max(float(around.std()), 1.0)        # of one grey value or more
+
+
+def _place(piece):
+    """Return where the mask of an annotation lies in its picture."""
+    height, width = piece.mask.shape
+    return np.s_[piece.row:piece.row + height, piece.column:piece.column + width]
 
 
 def _cut_out(mask, smallest):

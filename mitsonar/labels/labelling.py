@@ -13,7 +13,7 @@ from mitsonar.device.files import FilePath
 from mitsonar.imaging.focused import bin_dims, is_focused
 from mitsonar.imaging.objects import check_labelled
 
-from .annotations import HIGHLIGHT, WHOLE, Annotation, annotations, clipped, is_invisible
+from .annotations import HIGHLIGHT, WHOLE, Annotation, annotations, clipped, is_invisible, standing_out
 from .frames import LabelFrame, frames, tiles
 from .pictures import greys
 from .rules import Labels
@@ -79,6 +79,7 @@ def _tiles(record, pictures, rules):
         picture = shown.draw(frame)
         shadow = np.zeros(picture.shape, bool) if dark is None else frame.lay(dark)
         seen = [piece for piece in pieces if not is_invisible(piece, picture)]
+        seen = seen if rules.min_contrast is None else standing_out(seen, picture, rules.min_contrast)
         left = len(pieces) - len(seen)
         for tile in tiles(frame, rules.tile, rules.overlap):
             inside = [piece for piece in (clipped(whole, tile, rules.smallest) for whole in seen)

@@ -33,6 +33,9 @@ class Labels:
         Least number of bins of every piece of an annotation.
     min_visible : float
         Least share of an annotation after cutting by tiles and, for objects, after hiding and burial.
+    min_contrast : float or None
+        Least contrast of an annotation, in standard deviations of the grey values around; see
+        `mitsonar.labels.annotations.standing_out`. None: any.
     whole : bool
         Add annotations of objects with their shadows as further categories.
     tile : (int, int) or None
@@ -72,6 +75,7 @@ class Labels:
     negative_class: str | None = None
     smallest: int = 8
     min_visible: float = 0.0
+    min_contrast: float | None = None
     whole: bool = False
     tile: tuple[int, int] | None = None
     overlap: float = 0.0
@@ -110,6 +114,9 @@ class Labels:
             raise ValueError(f"the smallest annotation has {self.smallest} bins; give 1 or more.")
         if not 0 <= self.min_visible <= 1:
             raise ValueError(f"the least visible share is {self.min_visible:g}; give a share from 0 to 1.")
+        if self.min_contrast is not None and not 0 <= self.min_contrast < math.inf:
+            raise ValueError(f"the least contrast is {self.min_contrast:g}; give a number of standard deviations, such "
+                             "as 0.5.")
         if self.tile is not None and min(self.tile) < 8:
             raise ValueError(f"a tile is {self.tile[0]} pings by {self.tile[1]} bins; give 8 or more of each.")
         if not 0 <= self.overlap <= 0.9:
@@ -140,7 +147,8 @@ class Labels:
         """Return the rules as JSON for the files."""
         return {"program": f"mitsonar {__version__}", "highlight_threshold": self.threshold,
                 "highlight_above_noise_db": self.above_noise_db, "smallest_bins": self.smallest,
-                "min_visible": self.min_visible, "whole": self.whole,
+                "min_visible": self.min_visible,
+                **({} if self.min_contrast is None else {"min_contrast": self.min_contrast}), "whole": self.whole,
                 "tile": self.tile and list(self.tile), "overlap": self.overlap,
                 **({"negatives": [*self.negatives], "negative_class": self.negative_class} if self.negatives else {}),
                 "drop_empty": self.drop_empty, "tvg": self.tvg, "form": self.form, "cell": self.cell}

@@ -1,6 +1,7 @@
 """Labels of a record whose highlights and shadows are known: bins, pictures, polygons, tiles, and the files."""
 import json
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from rasterio.features import rasterize
 from mitsonar.dataset.labels import Labels, write
 from mitsonar.imaging.objects import object_bins
 from mitsonar.io.records import exr
-from mitsonar.labels.annotations import annotations, clipped, is_invisible
+from mitsonar.labels.annotations import Annotation, annotations, clipped, is_invisible, standing_out
 from mitsonar.labels.frames import Tile, frames, tiles
 from mitsonar.labels.pictures import greys
 from mitsonar.labels.polygons import joined, polygons
@@ -357,3 +358,35 @@ def test_what_is_hidden_or_cut_beyond_a_share_is_left_out(tmp_path, least, kept)
     write(tmp_path / "a.exr", tmp_path / "tiles", Labels(coco=True, min_visible=0.9, tile=(16, 16)))
     whole = json.loads((tmp_path / "tiles/annotations.json").read_text())["annotations"]
     assert all(entry["visible"] >= 0.9 for entry in whole)
+
+
+@pytest.mark.parametrize("least, kept", [
+    (0.0, {("rock", "highlight"), ("rock", "shadow"), ("rock", "whole"), ("mine", "highlight"), ("mine", "whole")}),
+    (1.5, {("rock", "highlight"), ("rock", "whole"), ("mine", "highlight"), ("mine", "whole")}),
+    (2.5, {("rock", "highlight"), ("rock", "whole")})])
+def test_annotations_that_do_not_stand_out_are_left_out(least, kept):
+    """Half of the bed is 90 and half 110: 100 with a standard deviation of 10. The rock is 3 brighter and its shadow 1
+    darker; the mine is 2 brighter, and what should be its shadow is brighter, too. The rock lies in the mine's way: its
+    bins do not count as the mine's surroundings."""
+    picture = np.where(np.indices((40, 40)).sum(0) % 2, 90, 110).astype(np.uint8)
+    pieces = []
+    for label, name, row, grey in ((1, "rock", 10, (130, 90)), (2, "mine", 16, (120, 101))):
+        for kind, column, value in zip(("highlight", "shadow"), (10, 14), grey, strict=True):
+            picture[row:row + 4, column:column + 4] = value
+            pieces.append(Annotation(kind=kind, label=label, name=name, class_name=name, side="", row=row,
+                                     column=column, mask=np.ones((4, 4), bool), truncated=False))
+        pieces.append(replace(pieces[-2], kind="whole", mask=np.ones((4, 8), bool)))
+    assert {(piece.name, piece.kind) for piece in standing_out(pieces, picture, least)} == kept
+    assert standing_out(pieces[:1], np.full((40, 40), 7, np.uint8), 0.0) == pieces[:1]
+
+
+def test_a_rule_of_contrast_leaves_out_and_counts(tmp_path):
+    exr.write(labelled(), tmp_path / "a.exr")
+    every = write(tmp_path / "a.exr", tmp_path / "all", Labels(coco=True))
+    few = write(tmp_path / "a.exr", tmp_path / "few", Labels(coco=True, min_contrast=1e6))
+    kinds = ("highlights", "shadows")
+    assert sum(few[kind] for kind in kinds) == 0
+    assert few["invisible"] == every["invisible"] + sum(every[kind] for kind in kinds)
+    assert json.loads((tmp_path / "few/annotations.json").read_text())["info"]["min_contrast"] == 1e6
+    with pytest.raises(ValueError, match="the least contrast is -1"):
+        Labels(coco=True, min_contrast=-1)
