@@ -24,6 +24,7 @@ SMALL = {"pings": 3, "rays": 4000, "bins": 120, "elements": 8, "beams": 16}
 SHARED = {"sidescan_targets": {"rays": 1_000_000, "pings": 5}, "forward_looking": {}, "swimmers": {"range": 8},
           "echo_sounder": {}, "interferometric": {}, "multibeam": {"preset": "shallow_400khz", "range": 45, "pings": 2},
           "sidescan_survey": {"range": 50, "rays": 2000, "pings": 40}}
+SLOW = "sidescan_targets", "multibeam"
 LONG = 'name="pings" value="$pings"', 'name="pings" value="500000"/> <float name="speed_knots" value="0"'
 
 
@@ -54,7 +55,7 @@ def check_same(path, given, pool, tmp_path):
     assert (tmp_path / "one.exr").read_bytes() == (tmp_path / "two.exr").read_bytes()
 
 
-@pytest.mark.parametrize("name", SHARED)
+@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW)) for name in SHARED])
 def test_processes_share_the_pings_of_every_kind(variant, pool, tmp_path, name):
     path = SCENES / f"{name}.xml"
     given = {key: value for key, value in {**SMALL, **SHARED[name]}.items()
@@ -62,6 +63,7 @@ def test_processes_share_the_pings_of_every_kind(variant, pool, tmp_path, name):
     check_same(path, given, pool, tmp_path)
 
 
+@pytest.mark.slow
 def test_processes_share_the_pings_of_a_picture_from_elements(variant, pool, tmp_path):
     scene = tmp_path / "elements.xml"
     scene.write_text(spoilt(("</sensor>", '<string name="picture" value="elements"/></sensor>'),
@@ -97,6 +99,7 @@ def test_a_killed_process_is_reported(variant, tmp_path):
             rendered(load_file(scene), 5, 0, run_parts=parts)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not os.path.exists("/proc/self/task"), reason="needs Linux's /proc to find the processes")
 def test_an_interrupted_run_ends_its_processes_and_leaves_nothing(tmp_path):
     (tmp_path / "scene.xml").write_text(spoilt(LONG), encoding="utf-8")
