@@ -136,13 +136,12 @@ class Ensonification:
         """
         sources, start = self._source(origin)
         if self.method == "scatterers":
-            reach = self.reach(origin)
             within_reach = [(path, self._in_beams(sources, start, rotation, pieces))
                             for path, pieces in self.pieces(origin)]
             total, done = max(sum(int(pieces.cells.sum()) for _, (_, pieces, _) in within_reach), 1), 0
             for path, (aim, pieces, bound) in within_reach:
                 for facet, k in self._cells(pieces, bound):
-                    yield from self._echoes(sources, start, rotation, facet, k, path, aim=aim, reach=reach)
+                    yield from self._echoes(sources, start, rotation, facet, k, path, aim=aim)
                     done += dr.width(facet)
                     progress(done / total)
         else:
@@ -220,11 +219,10 @@ class Ensonification:
         share = None if self.side_lobes is None else self.side_lobes.largest_share(bound)
         return self.scatterers.listed(pieces.runs(share), CELLS_PER_BLOCK)
 
-    def _echoes(self, sources, origin, rotation, facet, k, path, from_rays=None, aim=True, reach=(0.0, np.inf)):
+    def _echoes(self, sources, origin, rotation, facet, k, path, from_rays=None, aim=True):
         """Yield the echoes of cells that can be connected, or that rays found with energies and areas `from_rays`.
 
-        With `aim`, cells that beams make negligible are left out, as are those out of `reach` [m], and cells in side
-        lobes are thinned.
+        With `aim`, cells that beams make negligible are left out, and cells in side lobes are thinned.
         """
         share = None
         if self.beams is not None and aim:
@@ -233,8 +231,7 @@ class Ensonification:
             direction = self.connector.launch_direction(sources, origin, mi.UInt32(0), point)
             distance = mi.Float(dr.norm(point - origin))
             bound = self.beams.bound(direction, distance, rotation)
-            nearest, farthest = (dr.opaque(mi.Float, float(limit)) for limit in reach)
-            counts = (bound > NEGLIGIBLE) & (distance > nearest) & (distance < farthest)
+            counts = bound > NEGLIGIBLE
             if self.side_lobes is not None and from_rays is None:
                 share = self.side_lobes.share(bound)
                 counts &= self.scatterers.exist(facet, k, share)

@@ -56,10 +56,10 @@ def test_no_echo_of_a_record_is_missed(variant, monkeypatch, sonar, sources):
         patch.setattr(Ensonification, "reach", lambda self, origin: (self.nearest, self.farthest))
         everything = record_of(SONARS[sonar], fans=sources)
         truth = signals(everything)
-        assert count < 0.95 * echoes(everything)
+        assert count < 0.97 * echoes(everything)
     assert off(found, truth) < ROUNDED
     # the test would notice: without the spread, echoes at the ends are missing
-    monkeypatch.setattr(ensonified_ping, "arrival_spread", lambda survey, slowest: -2e-4)
+    monkeypatch.setattr(ensonified_ping, "arrival_spread", lambda survey, slowest: -1.5e-3)
     assert off(signals(record_of(SONARS[sonar], fans=sources)), truth) > MISSED
 
 
