@@ -56,6 +56,7 @@ class Ensonification:
                  margin: float,                           # [m]
                  method: str, rays: int, beams: ElementBeams | None,
                  resolution: float = np.inf,              # [m]
+                 spread: float = np.inf,                  # [s], of an echo's arrivals about that at the source
                  max_depth: int = 1, thin_below: float = 0.0, band: ReceivedBand | None = None):
         self.scatterers, self.water, self.frequency, self.window = scatterers, water, frequency, window
         self.method, self.beams = method, beams or None
@@ -63,6 +64,7 @@ class Ensonification:
         geometry = scatterers.geometry
         self.motion = BodyMotion.of(geometry)
         self.targets = PointTargets.of(geometry, band or ReceivedBand.about(frequency), water.profile)
+        self.margin, self.spread = margin, spread
         self.nearest = 0.5 * window[0] * water.slowest - margin
         self.farthest = 0.5 * window[1] * water.fastest + margin
         self.lib = arrays_of(mi.Float)
@@ -89,6 +91,20 @@ class Ensonification:
         other.beams = self.beams.turning(turn)
         return other
 
+    def reach(self, origin: np.ndarray) -> tuple[float, float]:
+        """Return the distances from a source (3,) [m] between which scatterers have echoes within the window.
+
+        No way out is longer than `farthest`, so the speed of sound at depths farther off than that does not count.
+        """
+        if self.water.field is not None:
+            return self.nearest, self.farthest
+        slowest, fastest = self.water.profile.extremes(-origin[2] - self.farthest, -origin[2] + self.farthest)
+        early, late = (0.5 * self.spread * speed if np.isfinite(self.spread) else self.margin
+                       for speed in (slowest, fastest))
+        nearest, farthest = 0.5 * self.window[0] * slowest - early, 0.5 * self.window[1] * fastest + late
+        # by way of a mirror, echoes of nearer scatterers arrive within the window
+        return self.nearest if self.sights.mirror else max(nearest, self.nearest), min(farthest, self.farthest)
+
     @property
     def pattern(self) -> Callable | None:
         """Two-way intensity of the beams as a function of directions and a rotation, or None if it is uniform."""
@@ -101,11 +117,11 @@ class Ensonification:
 
     def pieces(self, origin: np.ndarray) -> list[tuple[str, Pieces]]:
         """Return the path and the pieces of facets within reach of a source (3,) [m], for bottom and surface."""
-        facets = self.scatterers.in_reach(origin, self.nearest, self.farthest)
-        pieces = []
+        reach = self.reach(origin)
+        facets, pieces = self.scatterers.in_reach(origin, *reach), []
         for path, at_surface in BOTTOM_AND_SURFACE:
             facets_there = facets[self.scatterers.at_surface[facets] == at_surface]
-            pieces.append((path, pieces_in_reach(self.scatterers, facets_there, origin, self.nearest, self.farthest)))
+            pieces.append((path, pieces_in_reach(self.scatterers, facets_there, origin, *reach)))
             cells = int(pieces[-1][1].cells.sum())
             if cells > MOST_CELLS:
                 raise ValueError(f"{cells:.2g} cells of the scene lie within reach of a ping; the limit is "

@@ -107,6 +107,12 @@ class SoundSpeedProfile:
         """Return the sound speed [m/s] at ``depth`` [m], any shape."""
         return cast(Values, np.interp(depth, self.depth, self.sound_speed))
 
+    def extremes(self, top: float, bottom: float) -> tuple[float, float]:
+        """Return the lowest and the highest sound speed between two depths [m/s]."""
+        between = (self.depth > top) & (self.depth < bottom)
+        speeds = [self.at(top), self.at(bottom), *self.sound_speed[between]]
+        return float(min(speeds)), float(max(speeds))
+
     def gradient(self, depth: Values, side: Literal["below", "above"] = "below") -> Values:
         """Return dc/d(depth) [1/s] at ``depth`` [m], any shape.
 

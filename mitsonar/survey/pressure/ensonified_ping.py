@@ -18,6 +18,8 @@ from mitsonar.echoes.ensonification import Ensonification
 from mitsonar.echoes.record import Echoes
 from mitsonar.echoes.scatterers.element_beams import ElementBeams
 from mitsonar.echoes.scatterers.scatterers import Scatterers
+from mitsonar.signal.doppler import glide_of
+from mitsonar.signal.impulses import MARGIN, BandLimited
 
 from ..energy.phased_echoes import band_of
 from .array_survey import ArraySurvey
@@ -39,7 +41,27 @@ def ensonification_of(survey: ArraySurvey, scatterers: Scatterers | None = None)
         method=survey.ensonification, rays=survey.rays,
         beams=ElementBeams(survey.transmit, survey.receive, survey.wavelength, turned), max_depth=survey.max_depth,
         thin_below=survey.thin_below, band=band_of(survey.pulse),
-        resolution=BAND * survey.planned_speed / survey.sampling_rate)
+        resolution=BAND * survey.planned_speed / survey.sampling_rate, spread=arrival_spread(survey, water.slowest))
+
+
+def arrival_spread(survey: ArraySurvey, slowest: float) -> float:
+    """Return the largest time [s] between an echo at an element and one at a source at rest; inf if objects move.
+
+    Elements lie off the source, receivers move until the echo arrives, and transmit elements have delays. Doppler
+    shifts a sweep in time, too. The last term is the width of the sums' kernel.
+    """
+    # slowest [m/s]
+    if survey.world.moves:
+        return np.inf
+    transmit, receive, pulse, (speed, turn) = survey.transmit, survey.receive, survey.pulse, survey.planned_rates
+    apart = transmit.radius + receive.radius + 2 * np.linalg.norm(survey.sources.position, axis=1).max()
+    delay = np.abs(transmit.delay).max()
+    if survey.steering is not None:
+        delay += 2 * transmit.radius / slowest             # at most, whatever the direction
+    glide = glide_of(pulse)
+    sent = pulse.duration + (abs(glide.frequency / glide.rate) if glide is not None and glide.rate else 0.0)
+    moved = 2 * (speed + turn * survey.radius) * (survey.time[-1] + sent)
+    return float((apart + moved) / slowest + delay + (MARGIN + BandLimited.taps) / survey.sampling_rate)
 
 
 class EnsonifiedPing:
