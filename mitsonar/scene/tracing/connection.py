@@ -83,7 +83,7 @@ class Connector:
         index = compressed(doubt)
         blocked = dr.zeros(mi.Bool, dr.width(doubt))
         if dr.width(index):
-            some, facing, far, cosine = (entries(value, index) for value in (way, heading, point, cosine))
+            some, facing, far, cosine = entries((way, heading, point, cosine), index)
             met = self._blocked(sources.ray_fans, origin, source, some, cosine, facing, far, nowhere, 0.0)
             dr.scatter(blocked, met, index)
         return replace(through, free=way.exists & ~blocked)
