@@ -69,8 +69,8 @@ def draw(given: object, where: str) -> Draw:
     kind, rest = kinds[0], {name: item for name, item in given.items() if name != kinds[0]}
     unknown = [name for name in rest if (kind, name) != ("choice", "weights")]
     if unknown:
-        raise ValueError(f"{where} has the unknown key {shortened(unknown[0])}{meant(unknown[0], {*BESIDE} - {unknown[0]})} beside "
-                         f"{kind}; leave it out")
+        perhaps = meant(unknown[0], [name for name in BESIDE if name not in unknown])
+        raise ValueError(f"{where} has the unknown key {shortened(unknown[0])}{perhaps} beside {kind}; leave it out")
     return DISTRIBUTIONS[kind](given[kind], f"{where}: {kind}", **rest)
 
 
