@@ -28,3 +28,9 @@ def test_a_box_of_beams_is_blurred_as_a_part_of_the_fan():
     only = np.zeros_like(ENERGY)
     only[7:21] = ENERGY[7:21]
     assert (BLUR.shown(only, 0)[7:21] == BLUR.shown(ENERGY[7:21], 7)).all()
+
+
+def test_what_has_no_inverse_in_32_bits_is_nothing():
+    """The truth divides by these energies: 1e-40 would give an infinite share."""
+    faint = BLUR.shown(np.float32(1e-40) * (1 + ENERGY), 0)
+    assert (faint == 0).all() and (BLUR.shown(np.float32(1e-36) * (1 + ENERGY), 0) > 0).any()

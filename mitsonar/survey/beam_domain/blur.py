@@ -19,6 +19,7 @@ WIDEST = 48                        # largest number of beams to either side
 BLOCK = 1 << 21                    # numbers computed at once
 HALF_POWER = 0.5
 REACH = 3                          # bins to either side that the compressed pulse reaches
+LEAST = np.finfo(np.float32).tiny  # smaller numbers have no inverse in 32 bits
 ROWS = 32                          # beams whose bins are summed together: they stay in a core's cache
 
 
@@ -59,6 +60,7 @@ class Blur:
             wide = np.pad(mixed[rows], ((0, 0), (REACH, REACH)))
             for k, weight in enumerate(self._spread):
                 shown[rows] += weight * wide[:, k:k + bins]
+        shown[shown < LEAST] = 0
         return shown
 
 
