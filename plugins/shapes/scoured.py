@@ -80,9 +80,8 @@ def mesh_arrays(shape: mi.Shape) -> tuple[np.ndarray, np.ndarray]:
 
 def vertices_before(shape: mi.Mesh) -> np.ndarray:
     """Return the vertices (V, 3) [m] of a mesh as they were before targets scoured it."""
-    vertices, _ = mesh_arrays(shape)
+    vertices = mesh_arrays(shape)[0].copy()            # the mesh gives its own memory back when it is scoured
     if isinstance(shape, ScouredBed) and shape.ground is not None:
-        vertices = vertices.copy()
         vertices[:, 2] = shape.ground.before
     return vertices
 

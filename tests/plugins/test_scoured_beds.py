@@ -155,3 +155,14 @@ def test_refusals(heights, shapes, said):
         heights(scene)
     assert said in plain(caught.value)
 
+
+
+def test_a_bed_outlives_the_memory_of_its_mesh(variant):
+    """Targets share the bed of a mesh, whose memory is given back when the first of them scour it."""
+    import mitsuba as mi
+
+    from mitsonar.plugins.shapes.scoured import mesh_arrays, vertices_before
+
+    shape = mi.load_dict({"type": "scene", "seabed": bed()}, optimize=False).shapes()[0]
+    kept, view = vertices_before(shape), mesh_arrays(shape)[0]
+    assert (kept == view).all() and not np.shares_memory(kept, view)

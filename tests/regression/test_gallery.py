@@ -23,7 +23,7 @@ def test_the_plan_is_every_target_at_three_distances_on_two_beds():
     plan = load_plan(SCENES / "gallery.toml")
     renders = [plan.render(number).parameters for number in range(len(plan))]
     kinds = {(render["species"], render["distance"], render["bed_seed"]) for render in renders}
-    species = {path.stem for path in (SCENES / "targets").glob("*.ply")}
+    species = {path.stem for path in (SCENES / "targets").glob("*.ply")} - {"debris"}       # which is clutter
     assert len(species) == 12 and len(renders) == len(kinds) == 72
     assert {kind[0] for kind in kinds} == species
 

@@ -11,8 +11,6 @@ import numpy as np
 
 from ..values import random_bits
 
-MIX = ((30, 0xBF58476D1CE4E5B9), (27, 0x94D049BB133111EB))         # SplitMix64 (Steele, Lea and Flood, 2014)
-STEP = 0x9E3779B97F4A7C15
 FEWEST = 1 << 10                   # turns that are made at once, so that few are made anew
 
 
@@ -44,7 +42,7 @@ class SharedTurns:
         places, which, number = [], [], []
         for thing, share in enumerate(self._shares):
             turns = np.arange(int((count + len(self._shares) + 1) * share) + 2)
-            place = (turns + _fractions(turns, random_bits(*self._salt, thing))) / share
+            place = (turns + _fractions(len(turns), random_bits(*self._salt, thing))) / share
             if self._all_first:                        # everybody has a turn before anybody has a second
                 place[0] = thing - len(self._shares)
             places.append(place)
@@ -54,10 +52,7 @@ class SharedTurns:
         self._which, self._number = np.concatenate(which)[order], np.concatenate(number)[order]
 
 
-def _fractions(numbers, bits):
-    """Return a random number above 0 and below 1 for every number."""
-    state = (numbers.astype(np.uint64) + np.uint64(1)) * np.uint64(STEP) + np.uint64(bits & 0xFFFFFFFFFFFFFFFF)
-    for shift, factor in MIX:
-        state = (state ^ (state >> np.uint64(shift))) * np.uint64(factor)
-    state ^= state >> np.uint64(31)
-    return ((state >> np.uint64(13)).astype(np.float64) + 0.5) / (1 << 51)
+def _fractions(count, bits):
+    """Return that many random numbers above 0 and below 1; more of them begin with the same ones."""
+    words = np.random.Philox(key=bits & (1 << 128) - 1).random_raw(count)
+    return ((words >> np.uint64(13)).astype(np.float64) + 0.5) / (1 << 51)
