@@ -112,12 +112,12 @@ def test_a_refused_render_leaves_the_older_file(folder, accepted, capfd):
 
 
 def test_out_of_memory_is_a_sentence(folder, monkeypatch, capfd):
-    import mitsonar
+    from mitsonar.verbs import images
 
-    def render(*_, **__):
+    def rendered(*_, **__):
         raise MemoryError("Unable to allocate 9 TiB")
 
-    monkeypatch.setattr(mitsonar, "render", render)
+    monkeypatch.setattr(images, "rendered", rendered)
     assert cli.main(["render", "scene.xml", "-o", "o.exr"]) == 2
     assert capfd.readouterr().err == ("mitsonar: out of memory: Unable to allocate 9 TiB; take fewer pings, rays or "
                                       "bins\n")
