@@ -179,6 +179,20 @@ def test_ranks_and_workers_part_every_epoch_evenly(plan, torch):
         rendering(plan(), rank=0, world_size=5)
 
 
+def test_a_subset_has_the_renders_of_the_split_alone(plan, torch):
+    shares = "[split]\ntrain = 0.75\ntest = 0.25\n"
+    longer = load_plan(plan(samples=30, text=PLAN + shares))
+    path = plan(samples=10, text=PLAN + shares)
+    for subset, count in (("train", 15), ("test", 5)):
+        data = rendering(path, subset=subset)
+        assert len(data) == count
+        epochs = [data.share(epoch, 0, 1) for epoch in range(3)]
+        assert {longer.render(int(index)).split for share in epochs for index in share} == {subset}
+        assert len(set(np.concatenate(epochs))) == sum(map(len, epochs)) and list(epochs[0]) != sorted(epochs[0])
+    with pytest.raises(ValueError, match=r"'val' was asked for, but \[split\] of .* has train, test; give"):
+        rendering(path, subset="val")
+
+
 def test_an_endless_set_goes_on_and_a_stopped_one_begins_where_it_was(plan, torch):
     data = rendering(plan(samples=1), image=numbers, target=None, endless=True)
     first = list(itertools.islice(data, 5))
