@@ -91,7 +91,8 @@ def rendering(plan: Plan | FilePath, *, image: "str | Callable[[xr.Dataset], Any
     except ImportError as error:
         if error.name is None or error.name.partition(".")[0] != "torch":
             raise
-        raise ImportError("PyTorch is not installed here; install torch, or render files by mitsonar sweep.") from None
+        raise ImportError("PyTorch is not installed here; run pip install 'mitsonar[torch]', or render "
+                          "files by mitsonar sweep.") from None
     given = plan.labels or {}
     form, cell = (given.get("form"), given.get("cell")) if form is None and cell is None else (form, cell)
     return RenderedImages(plan, image=image, target=target, transform=transform,
