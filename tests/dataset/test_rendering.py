@@ -76,7 +76,7 @@ def test_a_plan_without_images_or_classes_is_refused(plan):
 def test_without_pytorch_a_plan_is_left_to_sweeps(plan, monkeypatch):
     monkeypatch.setitem(sys.modules, "torch", None)
     monkeypatch.delitem(sys.modules, "mitsonar.dataset.torch_rendering", raising=False)
-    with pytest.raises(ImportError, match="PyTorch is not installed here; run pip install 'mitsonar.torch.', or render files"):
+    with pytest.raises(ImportError, match="run pip install .mitsonar.torch.., or render files"):
         rendering(plan())
 
 
