@@ -39,9 +39,9 @@ from .path_ends import Ends, image_of
 EVEN_SHARE = 0.5                   # of the candidates that are drawn evenly
 
 
-def partners(strata: Strata, key: mi.UInt32) -> tuple[mi.UInt32, mi.Float]:
-    """Draw a candidate of the same row for every ray, and the probability of the draw, (R,) each."""
-    row, within, i, j = strata.split(dr.arange(mi.UInt32, strata.rays))
+def partners(strata: Strata, ray: mi.UInt32, key: mi.UInt32) -> tuple[mi.UInt32, mi.Float]:
+    """Draw a candidate of the same row for every ray of these numbers, and the probability of the draw, (R,) each."""
+    row, within, i, j = strata.split(ray)
     first, second = pair(within, key)
     third, fourth = other_pair(first, key)
     even = uniform(strata.lib, third) < EVEN_SHARE
@@ -86,12 +86,12 @@ class ChosenPartners:
     def choose(self, a: Ends, b: Ends, seen: mi.Float, strata: Strata, key: mi.UInt32, *, folded: bool,
                unlike: bool | None) -> tuple[mi.UInt32, mi.Float]:
         """Return the number of an end of b for every end of a, and the probability q of the choice, (R,) each."""
-        _, within, _, _ = strata.split(dr.arange(mi.UInt32, strata.rays))
+        _, within, _, _ = strata.split(a.ray)
         wanted = None if unlike is None else dr.opaque(mi.Bool, unlike)
 
         def add_candidate(k: mi.UInt32, total: mi.Float, partner: mi.UInt32, worth: mi.Float) -> tuple[Any, ...]:
             candidate_key = salted(key, Salt.CANDIDATE, k)
-            candidate, chance = partners(strata, candidate_key)
+            candidate, chance = partners(strata, a.ray, candidate_key)
             value = self._value(a, b.chosen(candidate), dr.gather(mi.Float, seen, candidate), strata, folded, wanted)
             weight = value / chance
             total = total + weight
@@ -99,8 +99,8 @@ class ChosenPartners:
             kept = (weight > 0) & (uniform(self._lib, bits) * total < weight)
             return (k + 1, total, dr.select(kept, candidate, partner), dr.select(kept, value, worth))
 
-        zero = dr.zeros(mi.Float, strata.rays)
-        state = (mi.UInt32(0), zero, dr.zeros(mi.UInt32, strata.rays), mi.Float(zero))
+        zero = dr.zeros(mi.Float, dr.width(a.ray))
+        state = (mi.UInt32(0), zero, dr.zeros(mi.UInt32, dr.width(a.ray)), mi.Float(zero))
         _, total, partner, worth = looped(state, lambda k, *_: k < self._count, add_candidate, "partners")
         chance = dr.select(total > 0, worth * mi.Float(self._count) / total, 0)
         dr.eval(partner, chance)
