@@ -126,7 +126,7 @@ class TracedEnds:
 
 
 NUMBER_STEP = 1 << 8               # between the random numbers of uses: the candidates of each use take the next few
-MOST_WAYS = 8                      # to connect ends: either view, folded or not, like or unlike
+MOST_WAYS = 8                      # to connect ends: either view, folded or not; more than there are
 
 
 class Bounces:
@@ -139,9 +139,8 @@ class Bounces:
         self._mirror = geometry.surface_mirrors
         self._ends = TracedEnds(connector, free_rays, frequency=frequency)
         self._connected = ConnectedEnds(connector, frequency=frequency, max_depth=paths.max_depth)
-        self._partners = ChosenPartners(connector.water.profile, frequency=frequency, surface=geometry.surface_label)
-        # pairs of bed and surface draw partners of their own, apart from pairs of the same kind
-        self._unlike = (True, False) if geometry.surface_label and not self._mirror else (None,)
+        self._partners = ChosenPartners(connector.water.profile, frequency=frequency,
+                                        surface=0 if self._mirror else geometry.surface_label)
         self.targets = bool(self._connected.targets)
         self._smooth = any(map(is_smooth, geometry.scene.shapes()))
 
@@ -189,12 +188,12 @@ class Bounces:
 
         Random numbers of these ghosts are numbered from `use` on.
         """
-        ways = product(views.items(), (False, True)[:1 + self._mirror], self._unlike)
-        for number, ((more, b), folded, unlike) in enumerate(ways, use):
+        ways = product(views.items(), (False, True)[:1 + self._mirror])
+        for number, ((more, b), folded) in enumerate(ways, use):
             if more + folded <= left:
                 pair_key = salted(key, Salt.PARTNER, dr.opaque(mi.UInt32, number * NUMBER_STEP))
-                partner, chance = self._partners.choose(a, b, seen, strata, picked(pair_key, a.ray), folded=folded,
-                                                        unlike=unlike)
-                index, some = a.only(chance > 0)
-                partner, chance = entries([partner, chance], index)
-                yield self._connected.pairs(some, b.chosen(partner), chance, sonar, folded)
+                chosen = self._partners.choose(a, b, seen, strata, picked(pair_key, a.ray), folded=folded)
+                for pairs in chosen:
+                    index, some = a.only(pairs[1] > 0)
+                    partner, chance = entries(pairs, index)
+                    yield self._connected.pairs(some, b.chosen(partner), chance, sonar, folded)
