@@ -93,7 +93,8 @@ class ArrayGhosts:
                 index = compressed(active & (path == dr.opaque(mi.UInt32, self.paths.number(name))))
                 if dr.width(index):
                     power = dr.gather(mi.Float, energy, index)
-                    bits = hashed_pair(self.lib, index, row_key, dr.opaque(mi.UInt32, number))
+                    ray = dr.gather(mi.UInt32, ghosts.ray, index)
+                    bits = hashed_pair(self.lib, ray, row_key, dr.opaque(mi.UInt32, number))
                     yield Echoes(out=ghosts.out.chosen(index), back=ghosts.back.chosen(index),
                                  between=dr.gather(mi.Float64, ghosts.between, index), energy=power, path=name,
                                  amplitude=self._drawn(power, bits)).evaluated()
