@@ -158,6 +158,67 @@ def kernels(hits, elements, count):
                      "error in |f| < fs/3 [dB]"], rows)
 
 
+def in_scene_order(hits, elements, count):
+    """Print rates for about so many echoes of a scene's ping, in its order and in others."""
+    import elements as pings
+    import drjit as dr
+    import mitsuba as mi
+
+    from mitsonar.signal.accumulation import ImpulseResponses
+    from mitsonar.survey.pressure.echo_classes import OneClass
+
+    cell = 0.24 * (1e5 / hits) ** 0.5
+    record = pings.record_of(argparse.Namespace(cast=measuring.SUMMER, range=25.0, cell=cell), elements)
+    taken, add = [], ImpulseResponses.add
+    ImpulseResponses.add = lambda sums, **given: taken.append(given)
+    record.at(0).add_all(record.sums(), OneClass(), range(1))
+    ImpulseResponses.add = add
+    given = max(taken, key=lambda some: dr.width(some["hit_fields"]))
+    columns = {name: given[name] for name in ("amplitude", "phase", "sample", "fraction", "hit_fields")}
+    dr.eval(columns)
+    sample, hits = columns["sample"].numpy(), dr.width(columns["sample"])
+    orders = {"as the scene has them": np.arange(hits), "by time": np.argsort(sample, kind="stable"),
+              "at random": np.random.default_rng(1).permutation(hits)}
+    real, imaginary, phase, fraction, *fields = (np.asarray(part.numpy(), float) for part in (
+        *columns["amplitude"], columns["phase"], columns["fraction"], *columns["hit_fields"]))
+    powers, (frequency, rate) = len(fields) // 2, (record.survey.frequency, record.survey.sampling_rate)
+
+    def rival():
+        for u in given["element_fields"][0]:
+            later, gain = (np.polynomial.polynomial.polyval(u, np.array(part)) for part in (fields[:powers],
+                                                                                           fields[powers:]))
+            echo = (real + 1j * imaginary) * gain * np.exp(-2j * np.pi * (phase + frequency * later))
+            bins = np.clip(np.rint(sample + fraction + rate * later).astype(np.int64), -1, record.survey.samples) + 1
+            np.bincount(bins, echo.real), np.bincount(bins, echo.imag)
+
+    work = {"numpy bincount": rival}
+    for name, order in orders.items():
+        index = mi.UInt32(order.astype(np.uint32))
+        ordered = {**given, **_gathered(columns, index)}
+        sums = record.sums()
+        work[name] = lambda sums=sums, ordered=ordered: (sums.add(**ordered), dr.sync_thread())
+    cost = measuring.rounds(work, count)
+    print(f"\n{hits:,} echoes of a ping at {elements} elements, kernel band_limited, medians of {count} rounds\n")
+    own = {name: 1e9 * np.median(seconds.cpu) * dr.thread_count() / hits / elements for name, seconds in cost.items()}
+    # the rival has one thread
+    measuring.table(["order", "ns of a core", "x numpy bincount, on all threads"],
+                    [[name, f"{ns:.2f}", "1" if name not in orders else
+                      f"{own['numpy bincount'] / ns * dr.thread_count():.1f}"] for name, ns in own.items()])
+
+
+def _gathered(columns, index):
+    """Fields of hits in another order; single values stay."""
+    import drjit as dr
+
+    def of(part):
+        return [of(one) for one in part] if isinstance(part, (list, tuple)) else (
+            part if dr.width(part) == 1 else dr.gather(type(part), part, index))
+
+    gathered = {name: of(part) for name, part in columns.items()}
+    dr.eval(gathered)
+    return gathered
+
+
 def by_elements(cases, count):
     """Print what one ping costs with more and more elements, until its responses lie in host memory."""
     import drjit as dr
@@ -246,6 +307,7 @@ def main():
     prepare()
     print(measuring.machine())
     kernels(arguments.hits, min(64, arguments.elements[-1]), arguments.rounds)
+    in_scene_order(arguments.hits, min(64, max(16, arguments.elements[-1])), arguments.rounds)
     by_elements([*((arguments.hits, count) for count in arguments.elements),
                  (max(1, arguments.hits // 5), min(64, arguments.elements[-1]))], arguments.rounds)
     if arguments.pymust:

@@ -17,6 +17,8 @@ FACES = {
                           "receive_element_height": 0.008, "receive_baffle": "hard"},
     "long faces": {"receive_pattern": "rectangular", "receive_element_length": 0.05, "receive_element_height": 0.008,
                    "receive_baffle": "hard", "receive_pitch": 0.02},
+    "heaving and pitched": {"receive_baffle": "hard", "motion": "auv", "pitch_deg": 2.0},
+    "a plane of rows": {"receive": "planar", "receive_rows": 3, "receive_baffle": "hard", "motion": "auv"},
     "cardioid discs": {"receive_pattern": "circular", "receive_element_length": 0.004, "receive_baffle": "cardioid"},
 }
 

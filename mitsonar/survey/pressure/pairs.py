@@ -7,8 +7,8 @@ The pattern of an element is taken in the direction of its own ray. With n towar
 curvature of the wavefront there and d the element's offset, this direction is (n - d/R) / |n - d/R|.
 
 Elements of one face, which all look one way, receive no echo from behind their rigid baffle; the test is made once per
-echo. Along a level line of such elements, delay and gain of an echo are polynomials if the bounds of their errors are
-small (`line_difference`). For a face of the side L and directions that differ by up to β, the pressure's error is 2
+echo. Along each straight line of such elements, delay and gain of an echo are polynomials if the bounds of their errors
+are small (`line_difference`). For a face of the side L and directions that differ by up to β, the pressure's error is 2
 (x/2)^N / ((N + 1) N!), x = π β L / λ, with N points; N is chosen so that the error is below `PATTERN_ERROR`. A floor f
 of side lobes bends the pressure near its nulls: its singular points lie at least y = √(f/2) 2π/x half-ranges off the
 real axis, and the error is at most 4 ρ^-N / (ρ - 1), ρ = y + √(1 + y²) (Trefethen 2013, Approximation theory and
@@ -27,7 +27,7 @@ import numpy as np
 
 from mitsonar.device.arrays import arrays_of
 from mitsonar.device.types import Bool, Float, Triple
-from mitsonar.propagation.returns.line_difference import NODES, LineChange, polynomial
+from mitsonar.propagation.returns.line_difference import NODES, LineChange, polynomial, straight_runs
 from mitsonar.propagation.returns.return_paths import ReturnPaths
 from mitsonar.propagation.returns.straight_vectors import dot
 from mitsonar.propagation.returns.vector_approximation import (
@@ -44,6 +44,7 @@ from .ping_source import Method, View, opaque
 CURVATURE = 6                      # index of 1/R in `straight_vectors.hit_fields`
 SAME_PLANE = 1e-9                  # [m]
 FEWEST_ON_A_LINE = 16              # least number of elements for which polynomials save time
+MOST_LINES = 4                     # most lines of an array: an echo has 40 to 56 bytes of polynomials for each
 LINE_ERROR = 1e-11                 # [s] largest error of their delays
 PATTERN_ERROR = 6.75e-6            # largest error of their pressures: that of five points at x = 0.6
 
@@ -81,20 +82,36 @@ class ReceivedEchoes:
         seen = offset_from(self.towards, offset, self.back.hit_fields[CURVATURE])
         return dot(seen, opaque(mi.Float, self.view.rotation @ self.receive.normal[0])) >= 0
 
-    def pairs(self, rows: slice, nearest: float, speed: float) -> Pairs:
-        """Return the pairs with elements; all echoes lie beyond `nearest` [m], `speed` [m/s] is that at the array."""
-        view, receive = self.view, self.receive
+    def pairs(self, rows: slice, nearest: float, speed: float) -> list[tuple[np.ndarray, Pairs]]:
+        """Return numbers of elements and the pairs with them: a part for each line if polynomials suffice on all lines.
+
+        All echoes lie beyond `nearest` [m]; `speed` [m/s] is that at the array.
+        """
+        view, receive, number = self.view, self.receive, np.arange(self.receive.elements)[rows]
         offsets = view.offsets(receive)[rows]
         difference = difference_of(self.method, offsets, view.profile, view.tilt, view.climb)
-        if difference is level_difference and len(offsets) >= FEWEST_ON_A_LINE:
-            for count in NODES:
-                line = LineChange.through(offsets, count)
-                if line is not None and self._smooth(line, nearest, speed):
-                    return self._along(line, difference)
+        if self.method == "vector":
+            runs = straight_runs(offsets)
+            lines = [self._line(offsets[run], nearest, speed, level=difference is level_difference)
+                     for run in runs[:MOST_LINES]]
+            along = [(number[run], self._along(line, difference)) for run, line in zip(runs, lines) if line]
+            if len(along) == len(runs):
+                return along
         fields = ELEMENT_FIELDS[self.method](offsets, view.depth, view.profile)
         faces = [] if self._alike else [*(receive.normal[rows] @ view.rotation.T).T,
                                         *(receive.along[rows] @ view.rotation.T).T]
-        return self._each(difference, [*fields, *faces], len(fields))
+        return [(number, self._each(difference, [*fields, *faces], len(fields)))]
+
+    def _line(self, offsets: np.ndarray, nearest: float, speed: float, *, level: bool) -> LineChange | None:
+        """Return the line through elements with few terms of polynomials that are accurate enough; None without."""
+        view, reach = self.view, float(np.linalg.norm(offsets, axis=-1).max())
+        height = float(np.abs(offsets[:, 2]).max()) + view.tilt * reach + view.climb * reach / speed
+        for count in NODES if len(offsets) >= FEWEST_ON_A_LINE else ():
+            line = LineChange.through(offsets, count)
+            if line is not None and self._smooth(line, nearest, speed) and (level or line.water_error(
+                    nearest, speed, depth=view.depth, profile=view.profile, height=height) < LINE_ERROR):
+                return line
+        return None
 
     @property
     def _alike(self) -> bool:

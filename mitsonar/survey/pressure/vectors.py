@@ -80,13 +80,15 @@ class VectorDelays(ElementDelays):
         if received.ahead is not None:
             factor = dr.select(received.ahead, factor, 0)
         nearest = source.speed * float(dr.min(echoes.back.travel_time)[0])
-        pairs = received.pairs(rows, nearest, source.speed)
+        parts = received.pairs(rows, nearest, source.speed)
         real, imaginary = echoes.amplitude
-        dr.schedule(without)                   # only now: any evaluation before would compute it in an extra kernel
-        responses.add(amplitude=(real * factor, imaginary * factor), phase=phase, sample=sample,
-                      fraction=fraction, hit_fields=pairs.hits, element_fields=pairs.elements,
-                      difference=pairs.delay, gain=pairs.gain, rows=np.arange(receive.elements)[rows],
-                      sheet=some.sheet)
+        amplitude = real * factor, imaginary * factor
+        # only now: any evaluation before would compute it in an extra kernel
+        dr.schedule(without, [pairs.hits for _, pairs in parts])
+        for number, pairs in parts:
+            responses.add(amplitude=amplitude, phase=phase, sample=sample, fraction=fraction, hit_fields=pairs.hits,
+                          element_fields=pairs.elements, difference=pairs.delay, gain=pairs.gain, rows=number,
+                          sheet=some.sheet)
         left_out = 0 if without is None else int(cast(UInt32, dr.count(without))[0])
         self.counts.count((echoes.count - left_out) * len(range(receive.elements)[rows]))
 
