@@ -112,15 +112,17 @@ class TracedEnds:
             active &= mirrored
         dr.eval(direction, share, mirrored, active)
         index, ends = ends.only(active)
-        last, (direction, share, mirrored) = ends.hits, entries([direction, share, mirrored], index)
+        last = ends.hits
+        direction, share, mirrored = picked(direction, index), picked(share, index), picked(mirrored, index)
         hits = self._free_rays.hit(last.point, last.normal, direction, last.valid)
         sine = -dr.dot(hits.normal, hits.arrival_direction)
         there = last.valid & hits.valid & (sine > GRAZING)
-        ends, mirrored = computed([replace(
+        ends = replace(
             ends, hits=replace(hits.without_way(), valid=there),
             solid_angle=ends.solid_angle * share, between=ends.between + hits.travel_time,
             code=Paths.extended(ends.code, hits.label == self._surface),
-            loss_db=ends.loss_db + self._water.one_way_db(last.point, hits.point, hits)), mirrored])
+            loss_db=ends.loss_db + self._water.one_way_db(last.point, hits.point, hits))
+        dr.eval(ends, mirrored)
         index, ends = ends.only(there)
         return computed(ends), picked(mirrored, index)
 

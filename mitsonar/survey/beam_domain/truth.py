@@ -77,37 +77,41 @@ class FrameBins:
         energy, *place = columns
         return cell_sums(cell, active, energy, place, rows=self.beams, columns=self.bins)
 
-    def ground(self, sums: mi.Float, origin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the energies and mean places of `sums`."""
-        # origin (3,) [m] -> energy (B, T), place (B, T, 3) [m]
-        total = dr.gather(mi.Float, sums, 4 * dr.arange(mi.UInt32, self.cells))
-        dr.eval(total)
-        mean = self._means([sums], origin, dr.arange(mi.UInt32, self.cells), HARDLY * float(dr.max(total)[0]))
-        # a row of four is written as one packet; the fourth number is unused
-        place = dr.empty(mi.Float, 4 * self.cells)
-        dr.scatter(place, arrays_of(mi.Float).Array4f(*mean, 0), dr.arange(mi.UInt32, self.cells))
-        dr.eval(place)
-        return self._shaped(total), place.numpy().reshape(self.beams, self.bins, 4)[..., :3]
+    def ground(self, sums: mi.Float, origin: np.ndarray,
+               more: tuple[mi.Float, np.ndarray] | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the energies and mean places of `sums`, and the mean depths of these and `more` together.
 
-    def mean_depth(self, sums: mi.Float, more: mi.Float, cell: np.ndarray, energy: np.ndarray,
-                   depth: np.ndarray) -> np.ndarray:
-        """Return the mean depths (B, T) [m] of `sums` and `more`, which are sums of a few cells, together.
-
-        `energy` and `depth` (B, T) are those of `sums` alone.
+        `more` holds sums that are 0 but in a few cells, and the numbers of these.
         """
+        # origin (3,) [m] -> energy (B, T), place (B, T, 3) [m], depth (B, T) [m]
+        index = dr.arange(mi.UInt32, self.cells)
+        total = dr.gather(mi.Float, sums, 4 * index)
+        dr.eval(total)
+        most = float(dr.max(total)[0])
+        mean = self._means([sums], origin, index, HARDLY * most)
+        # a row of four is written as one packet
+        place = dr.empty(mi.Float, 4 * self.cells)
+        dr.scatter(place, arrays_of(mi.Float).Array4f(*mean, mean[2]), index)
+        if more is not None:
+            near, depth = self._depths_with(sums, *more, total, most)
+            dr.scatter(place, depth, 4 * near + 3)
+        dr.eval(place)
+        rows = place.numpy().reshape(self.beams, self.bins, 4)
+        return self._shaped(total), rows[..., :3], rows[..., 3]
+
+    def _depths_with(self, sums: mi.Float, more: mi.Float, cell: np.ndarray, total: mi.Float,
+                     most: float) -> tuple[mi.UInt32, mi.Float]:
+        """Return the cells whose mean depth changes with `more`, and these depths [m]; see `ground`."""
         few = np.unique(cell)
         there = mi.UInt32(few.astype(np.uint32))
         both = dr.gather(mi.Float, sums, 4 * there) + dr.gather(mi.Float, more, 4 * there)
-        before = np.float32(energy.max())
-        before, after = (np.float32(HARDLY * float(most)) for most in (before, max(before, both.numpy().max())))
-        # bins that now are empty, and so take the places of their neighbours, too
-        few = np.concatenate([few, np.flatnonzero((energy > before) & (energy <= after)) if after > before else few])
-        near = np.unique(few[:, None] + np.arange(-1, 2))
-        near = near[(near >= 0) & (near < self.cells)]
-        mean = self._means([sums, more], np.zeros(3), mi.UInt32(near.astype(np.uint32)), float(after))
-        depth = depth.copy()
-        depth.ravel()[near] = mean[2].numpy()
-        return depth
+        least = [HARDLY * float(value) for value in (most, max(most, both.numpy().max()))]
+        before, after = (dr.opaque(mi.Float, value) for value in least)
+        if least[1] > least[0]:        # bins that now are empty take the places of their neighbours, too
+            few = np.concatenate([few, compressed((total > before) & (total <= after)).numpy()])
+        near = np.unique(few.astype(np.int64)[:, None] + np.arange(-1, 2))
+        index = mi.UInt32(near[(near >= 0) & (near < self.cells)].astype(np.uint32))
+        return index, self._means([sums, more], np.zeros(3), index, least[1])[2]
 
     def _shaped(self, values: mi.Float | mi.UInt32) -> np.ndarray:
         """Return values of cells on the host, (B, T)."""
@@ -115,7 +119,7 @@ class FrameBins:
 
     def _means(self, sums: Sequence[mi.Float], origin: np.ndarray, index: mi.UInt32, least: float) -> list[mi.Float]:
         """Return the means of x, y and depth of all `sums` in cells; bins of at most the `least` energy are empty."""
-        lib, least = arrays_of(mi.Float), dr.opaque(mi.Float, least)
+        lib, faint = arrays_of(mi.Float), dr.opaque(mi.Float, least)
 
         def of(cell: mi.UInt32, active: mi.Bool) -> dr.ArrayBase:
             return sum((dr.gather(lib.Array4f, part, cell, active) for part in sums[1:]),
@@ -123,10 +127,10 @@ class FrameBins:
 
         own = of(index, mi.Bool(True))
         # a bin that has no scatterer by chance takes the places of its neighbours
-        empty, (_, column) = ~(own[0] > least), divided(lib, index, self.bins)
+        empty, (_, column) = ~(own[0] > faint), divided(lib, index, self.bins)
         last = dr.opaque(mi.UInt32, self.bins - 1)
         near = own + of(index - 1, empty & (column > 0)) + of(index + 1, empty & (column < last))
-        has_bed = near[0] > least
+        has_bed = near[0] > faint
         per_energy = dr.rcp(dr.select(has_bed, near[0], 1))
         return [dr.select(has_bed, dr.fma(moment, per_energy, dr.opaque(mi.Float, float(zero))), dr.nan)
                 for moment, zero in zip((near[1], near[2], near[3]), (origin[0], origin[1], 0.0))]
@@ -209,7 +213,7 @@ class _TruthPlane:
         return (slice(self.first_beam, self.first_beam + self.energy.shape[0]),
                 slice(self.first_bin, self.first_bin + self.energy.shape[1]))
 
-    def within(self, box: tuple[slice, slice]) -> tuple[tuple[slice, slice], np.ndarray, int]:
+    def within(self, box: tuple[slice, ...]) -> tuple[tuple[slice, ...], np.ndarray, int]:
         """Return the part of a box, in slices from its first beam and bin, that this one fills: energies and label."""
         ends = [(max(own.start, its.start), min(own.stop, its.stop)) for own, its in zip(self.where, box)]
         there, here = (tuple(slice(start - first.start, max(stop, start) - first.start)
@@ -295,12 +299,12 @@ class FrameTruth:
         of_others = free & ~on_bed
         dr.schedule(inside, free, of_others)       # in the kernel of the sums
         sums = bins.sums(cell, on_bed, *columns)
-        (energy, place), others = bins.ground(sums, origin), compressed(of_others)
-        depth = place[..., 2]
+        others, more = compressed(of_others), None
         if dr.width(others):
             own = (dr.gather(mi.Float, column, others) for column in columns)
             theirs = dr.gather(mi.UInt32, cell, others)
-            depth = bins.mean_depth(sums, bins.sums(theirs, mi.Bool(True), *own), theirs.numpy(), energy, depth)
+            more = bins.sums(theirs, mi.Bool(True), *own), theirs.numpy()
+        energy, place, depth = bins.ground(sums, origin, more)
         layover, rays, rays_in_beam = bins.counted(echoes, cell, free, in_lobe, depth_below, farthest)
         seabed = []
         if len(self._seabed) == 1:

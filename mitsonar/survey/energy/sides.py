@@ -18,7 +18,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mitsonar.device.arrays import entries
+from mitsonar.device.arrays import picked
 from mitsonar.device.chance import Salt, seeded
 from mitsonar.device.types import Vector
 from mitsonar.echoes.bounces.ghosts import Ghosts
@@ -74,7 +74,8 @@ class SideMultipath:
     def _add(self, place: Place, rays: SideRays, followed: Iterator[Ghosts], sums: EchoSums) -> None:
         """Add ghosts as the faces send and receive them."""
         for ghosts in followed:
-            ping, side, row = entries([rays.ping, rays.side, rays.row], ghosts.ray)
+            ping, row = picked(rays.ping, ghosts.ray), picked(rays.row, ghosts.ray)
+            side = picked(rays.side, ghosts.ray)
             elapsed = ghosts.out.travel_time + ghosts.between + ghosts.back.travel_time
             received = place.receive(ping, ghosts.back.sent_towards, ghosts.back.offset, elapsed)
             bin, inside = self._bins.of(received.delay, ghosts.active)
