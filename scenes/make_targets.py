@@ -253,6 +253,19 @@ def kicked(side, kick):
     return [moved(moved(part, by=-hip), pitch=-side * kick, by=hip) if kick else part for part in leg]
 
 
+def school(fish=60, size=(2.4, 4.0, 1.2), length=0.3):
+    """A school of fish that swims north: 60 of about 0.3 m in 2.4 x 4.0 x 1.2 m, ten to a cubic metre."""
+    generator, rings = np.random.default_rng(29), np.array([(0.5, 0.1), (0.25, 0.8), (0, 1), (-0.3, 0.45), (-0.4, 0.2)])
+    angle = 2 * np.pi * np.arange(6)[:, None] / 6
+    around = np.concatenate((0.07 * np.cos(angle), np.zeros((6, 1)), 0.13 * np.sin(angle)), axis=1)    # high, not wide
+    body = [loft([wide * around + (0, along, 0) for along, wide in rings]), box((0.015, 0.16, 0.22), (0, -0.46, 0))]
+    vertices, faces = join(body)
+    places = generator.normal(size=(fish, 3))
+    places *= (generator.uniform(0, 1, fish) ** (1 / 3) / np.linalg.norm(places, axis=1))[:, None] * np.array(size) / 2
+    return grounded([moved((vertices * length * generator.uniform(0.8, 1.2), faces), pitch=generator.normal(0, 8),
+                           turn=generator.normal(0, 15), by=place) for place in places])
+
+
 # ---- species: whole bodies, for the shape `targets` --------------------------------------------------------------
 
 
@@ -389,8 +402,8 @@ SPECIES = {"anchor": anchor, "boulder": lambda: grounded([boulder()]), "clump": 
            "tyre": lambda: grounded([tyre()]), "wedge": wedge}
 
 TARGETS = {"boulder": boulder, "diver": diver, "diver_kick_left": lambda: diver(-16),
-           "diver_kick_right": lambda: diver(16), "hulk": hulk, "letters": letters, "truncated_cone": truncated_cone,
-           "tyre": tyre, "wreck": wreck}
+           "diver_kick_right": lambda: diver(16), "hulk": hulk, "letters": letters, "school": school,
+           "truncated_cone": truncated_cone, "tyre": tyre, "wreck": wreck}
 
 
 # ---- a survey ----------------------------------------------------------------------------------------------------

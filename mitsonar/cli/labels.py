@@ -32,6 +32,7 @@ def add(commands: Commands) -> None:
     labels.add_argument("--min-contrast", type=float, metavar="SIGMA",
                         help="least contrast of an annotation, in standard deviations of the grey values around, as "
                              "0.5; default: any")
+    labels.add_argument("--no-shadows", action="store_true", help="annotate objects only; masks still have shadows")
     labels.add_argument("--whole", action="store_true",
                         help="also annotate objects together with their shadows, as \"cylinder with shadow\"")
     labels.add_argument("--classes", metavar="NAMES",
@@ -91,6 +92,7 @@ def _labels(arguments):
         negatives=_names(arguments.negatives) if arguments.negatives else (), negative_class=arguments.negative_class,
         above_noise_db=arguments.above_noise, smallest=arguments.smallest,
         min_visible=arguments.min_visible, min_contrast=arguments.min_contrast, whole=arguments.whole,
+        shadows=not arguments.no_shadows,
         tile=arguments.tile, overlap=arguments.overlap, drop_empty=arguments.drop_empty,
         tvg=gain(arguments), form="cartesian" if arguments.cartesian else "polar", cell=arguments.cell,
         window=arguments.window, split=None if arguments.split is None else read_shares(arguments.split),

@@ -284,7 +284,8 @@ class Images:
         except ImportError as error:
             if error.name is None or error.name.partition(".")[0] != "torch":
                 raise
-            raise ImportError("PyTorch is not installed here; install torch, or use stack() or xarray().") from None
+            raise ImportError("PyTorch is not installed here; run pip install 'mitsonar[torch]', or use "
+                              "stack() or xarray().") from None
         return TorchImages(self, image=image, target=target, transform=transform, length=len(self))
 
     def _subset(self, sources):

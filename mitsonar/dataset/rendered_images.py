@@ -24,8 +24,9 @@ if TYPE_CHECKING:
 def rendering(plan: Plan | FilePath, *, image: "str | Callable[[xr.Dataset], Any]" = "level",
               target: "str | Callable[[xr.Dataset], Any] | None" = "class",
               transform: Callable[..., Any] | None = None, classes: Sequence[str] | None = None,
-              form: Form | None = None, cell: float | None = None, endless: bool = False, shuffle: bool = True,
-              rank: int | None = None, world_size: int | None = None, threads: int | None = None) -> "RenderedImages":
+              subset: str | None = None, form: Form | None = None, cell: float | None = None, endless: bool = False,
+              shuffle: bool = True, rank: int | None = None, world_size: int | None = None, threads: int | None = None
+              ) -> "RenderedImages":
     """Return a dataset for PyTorch's DataLoader whose workers render the images of a plan.
 
     Parameters
@@ -37,6 +38,8 @@ def rendering(plan: Plan | FilePath, *, image: "str | Callable[[xr.Dataset], Any
     classes : sequence of str or None
         Classes in the order of their numbers, from 1, in the targets ``class`` and ``boxes``; other shapes are 0 or
         have no box. None: the plan's classes of objects, without negatives.
+    subset : str or None
+        ``train``, ``val`` or ``test`` of the plan's ``[split]``; None: all renders.
     form, cell
         As in `mitsonar.dataset.open`; None: as in the plan's ``[labels]``, if there are any. A render with several
         frames gives several images.
@@ -59,7 +62,7 @@ def rendering(plan: Plan | FilePath, *, image: "str | Callable[[xr.Dataset], Any
     Raises
     ------
     FileNotFoundError, ValueError
-        If the plan is wrong or makes soundings, or numbers of classes are needed and not given.
+        If the plan is wrong, makes soundings, or lacks the subset, or numbers of classes are needed and not given.
     ImportError
         If PyTorch is not installed.
 
@@ -76,6 +79,10 @@ def rendering(plan: Plan | FilePath, *, image: "str | Callable[[xr.Dataset], Any
     plan = plan if isinstance(plan, Plan) else load_plan(plan)
     if plan.soundings is not None:
         raise ValueError(f"{plan.path} makes lines of soundings, which are no images; give a plan of images.")
+    subsets = list(plan.split.shares) if plan.split is not None else []
+    if subset is not None and subset not in subsets:
+        raise ValueError(f"the subset {subset!r} was asked for, but [split] of {plan.path} has "
+                         f"{', '.join(subsets) or 'none'}; give one of these, or add it there.")
     if classes is None and plan.classes is None and target in ("class", "boxes"):
         raise ValueError(f'the target "{target}" numbers classes before the first image is rendered; give classes '
                          f"here, or at the head of {plan.path}.")
@@ -84,12 +91,13 @@ def rendering(plan: Plan | FilePath, *, image: "str | Callable[[xr.Dataset], Any
     except ImportError as error:
         if error.name is None or error.name.partition(".")[0] != "torch":
             raise
-        raise ImportError("PyTorch is not installed here; install torch, or render files by mitsonar sweep.") from None
+        raise ImportError("PyTorch is not installed here; run pip install 'mitsonar[torch]', or render "
+                          "files by mitsonar sweep.") from None
     given = plan.labels or {}
     form, cell = (given.get("form"), given.get("cell")) if form is None and cell is None else (form, cell)
     return RenderedImages(plan, image=image, target=target, transform=transform,
-                          classes=None if classes is None else tuple(classes), form=form, cell=cell, endless=endless,
-                          shuffle=shuffle, rank=rank, world_size=world_size, threads=threads)
+                          classes=None if classes is None else tuple(classes), subset=subset, form=form, cell=cell,
+                          endless=endless, shuffle=shuffle, rank=rank, world_size=world_size, threads=threads)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -29,8 +29,8 @@ class RenderedImages(torch.utils.data.IterableDataset):
     """PyTorch dataset that renders its images; see `mitsonar.dataset.rendering`."""
 
     def __init__(self, plan: Plan, *, image: Any, target: Any, transform: Callable[..., Any] | None,
-                 classes: tuple[str, ...] | None, form: Form | None, cell: float | None, endless: bool, shuffle: bool,
-                 rank: int | None, world_size: int | None, threads: int | None):
+                 classes: tuple[str, ...] | None, subset: str | None, form: Form | None, cell: float | None,
+                 endless: bool, shuffle: bool, rank: int | None, world_size: int | None, threads: int | None):
         self.plan, self.image, self.target, self.transform = plan, image, target, transform
         self.complete = classes is None                # the plan promises that objects have no other classes
         self.rules: Labels | None = None               # of labels, if the plan has any
@@ -39,15 +39,15 @@ class RenderedImages(torch.utils.data.IterableDataset):
             self.rules = rules if self.complete else dataclasses.replace(rules, negatives=(), negative_class=None)
         numbered = (plan.classes or ()) if self.rules is None else self.rules.numbered(plan.classes or ())
         self.classes = classes or tuple(numbered)
-        self.form: Form | None = form
-        self.cell = cell
+        self.subset, self.form, self.cell = subset, form, cell
         self.endless, self.shuffle, self.threads = endless, shuffle, threads
         self.rank, self.world_size = _place(rank, world_size)
         if threads is not None and threads < 2:
             raise ValueError(f"{threads} threads were asked for; give 2 or more (Mitsuba needs two even on one core).")
-        if self.world_size > len(plan):
-            raise ValueError(f"{plan.path} makes {len(plan)} renders, fewer than the {self.world_size} processes of "
-                             "the training; raise its samples.")
+        self._of_subset: tuple[int, np.ndarray] | None = None                  # of one epoch
+        if self.world_size > (count := len(self._renders(0))):
+            raise ValueError(f"{plan.path} makes {count} renders{f' of {subset}' if subset else ''}, fewer than the "
+                             f"{self.world_size} processes of the training; raise its samples.")
         # of each worker: two numbers of its iteration, the epoch at which that began, and its next epoch; shared, as
         # every epoch may have new workers, and more or fewer
         self._table = torch.zeros((MOST_WORKERS, 4), dtype=torch.int64).share_memory_()
@@ -62,7 +62,7 @@ class RenderedImages(torch.utils.data.IterableDataset):
         if self.endless or self.form is not None:
             raise TypeError("the number of images is not known: " +
                             ("they are endless." if self.endless else "each render may have several frames."))
-        return len(self.plan) // self.world_size
+        return len(self._renders(0)) // self.world_size
 
     def set_epoch(self, epoch: int) -> None:
         """Begin the next iteration of every worker at an epoch, counted from 0."""
@@ -127,11 +127,22 @@ class RenderedImages(torch.utils.data.IterableDataset):
 
     def share(self, epoch: int, worker: int, workers: int) -> np.ndarray:
         """Return the numbers of the renders that a worker makes in an epoch."""
-        total = len(self.plan)
-        order = np.random.default_rng([self.plan.seed, epoch]).permutation(total) if self.shuffle else np.arange(total)
+        renders = self._renders(epoch)
+        if self.shuffle:
+            renders = np.random.default_rng([self.plan.seed, epoch]).permutation(renders)
         # the same number on every rank, so that none waits for images of another
-        ours = order[self.rank::self.world_size][:total // self.world_size]
-        return epoch * total + ours[worker::workers]
+        return renders[self.rank::self.world_size][:len(renders) // self.world_size][worker::workers]
+
+    def _renders(self, epoch):
+        """Return the numbers of the renders of an epoch, of the subset only."""
+        if self._of_subset is None or self._of_subset[0] != epoch:
+            total = len(self.plan)
+            numbers = np.arange(epoch * total, (epoch + 1) * total)
+            if self.subset is not None:
+                plan = dataclasses.replace(self.plan, count=total * (epoch + 1))
+                numbers = numbers[[plan.render(number).split == self.subset for number in numbers.tolist()]]
+            self._of_subset = epoch, numbers
+        return self._of_subset[1]
 
     def _pair(self, record, index):
         objects = {entry["class"] for entry in (record.attrs.get("objects") or {}).values()}

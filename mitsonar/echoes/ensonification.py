@@ -25,13 +25,11 @@ from mitsonar.scattering.bodies.echo_taps import ReceivedBand
 from mitsonar.scene.materials import scattering_strength
 from mitsonar.scene.tracing.aimed_launch import DrawnRays
 from mitsonar.scene.tracing.connection import Connector
-from mitsonar.scene.tracing.launch import Strata
 from mitsonar.scene.tracing.tracer import Sources, Tracer
 from mitsonar.scene.tracing.water import DeviceWater
 
 from .body_motion import BodyMotion
 from .bounces.surface_ghosts import ArrayGhosts
-from .bounces.volume import UnderBed
 from .point_targets import PointTargets
 from .record import Echoes, EchoLeg
 from .scatterers.element_beams import ElementBeams
@@ -177,21 +175,21 @@ class Ensonification:
         way = self.connector.connect(sources, start, mi.UInt32(0), cells.point, cells.normal, coarse=True)
         yield from self.ghosts.of_cells(sources, start, way, cells, cells.area)
 
-    def random_echoes(self, origin: np.ndarray, rotation: np.ndarray, depth_below: float, key: int,
-                      in_water: Callable[[], tuple[mi.Vector3f, mi.Float, Strata]] | None = None,
-                      under_bed: UnderBed | None = None) -> Iterator[Echoes]:
-        """Yield the echoes of several bounces and of the water, which are random and differ from source to source.
+    def random_echoes(self, origin: np.ndarray, rotation: np.ndarray, depth_below: float,
+                      key: int) -> Iterator[Echoes]:
+        """Yield the echoes of several bounces and of the water, which are random and differ from source to source."""
+        yield from self.bounced_echoes(origin, rotation, depth_below, key)
+        if self.ghosts.water is not None:
+            sources, start = self._source(origin)
+            yield from self.ghosts.of_water(sources, start, *self.drawn_rays.draw(start, rotation, None, key), key)
 
-        `in_water` draws directions to points of the water. The default draws from the beams of the elements. Points
-        that are `under_bed` cannot be seen.
-        """
-        sources, start = self._source(origin)
+    def bounced_echoes(self, origin: np.ndarray, rotation: np.ndarray, depth_below: float,
+                       key: int) -> Iterator[Echoes]:
+        """Yield the echoes of several bounces, which are random and differ from source to source."""
         if self.ghosts.bounces is not None:
+            sources, start = self._source(origin)
             rays = self.drawn_rays.draw(start, rotation, depth_below, key)
             yield from self.ghosts.of_rays(sources, start, *rays, key)
-        if self.ghosts.water is not None:
-            rays = self.drawn_rays.draw(start, rotation, None, key) if in_water is None else in_water()
-            yield from self.ghosts.of_water(sources, start, *rays, key, under_bed)
 
     def _source(self, origin):
         return (self.tracer.sources([-origin[2]]),

@@ -12,14 +12,15 @@ from typing import Any
 
 from .annotations import ENDINGS, HIGHLIGHT, SHADOW, WHOLE, Annotation, category
 from .polygons import polygons
+from .rules import Labels
 
 
-def categories(classes: Sequence[str], *, whole: bool = False) -> dict[str, int]:
-    """Return the numbers of the categories: objects, their shadows, and on demand objects with shadows."""
+def categories(classes: Sequence[str], rules: Labels) -> dict[str, int]:
+    """Return the numbers of the categories: objects, their shadows unless left out, and on demand both as one."""
     odd = [name for name in classes if name.endswith(f" {SHADOW}")]
     if odd:
         raise ValueError(f"the class {odd[0]!r} would be taken for a shadow; give its shapes another id.")
-    kinds = (HIGHLIGHT, SHADOW, WHOLE) if whole else (HIGHLIGHT, SHADOW)
+    kinds = (HIGHLIGHT, *[SHADOW] * rules.shadows, *[WHOLE] * rules.whole)
     names = [category(name, kind) for kind in kinds for name in classes]
     return {name: number for number, name in enumerate(names, 1)}
 

@@ -2,7 +2,7 @@
 
     record -> frames -> grey values, annotations -> tiles
 """
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -38,17 +38,20 @@ class LabelledTile:
     invisible: int  # pieces of the whole frame that are left out, in its first tile, else 0
     description: dict[str, Any]  # place in the record, gain and grey values
 
-    @property
-    def empty(self) -> bool:
+    def annotated(self, numbers: Mapping[str, int]) -> list[Annotation]:
+        """Return the pieces whose categories have numbers; the masks have the others, too."""
+        return [piece for piece in self.pieces if piece.category in numbers]
+
+    def is_empty(self, numbers: Mapping[str, int]) -> bool:
         """Return True without annotations and negatives."""
-        return not self.pieces and not any(self.negatives.values())
+        return not self.annotated(numbers) and not any(self.negatives.values())
 
     def masks(self, numbers: dict[str, int], name: str) -> dict[str, np.ndarray]:
         """Return the masks (rows, columns) uint16 of `MASKS`, with the numbers of categories; `name` is for errors."""
         masks = {kind: np.zeros(self.shadow.shape, np.uint16) for kind in MASKS}
         masks["bed_shadow"][self.shadow] = 1
         for piece in (piece for piece in self.pieces if piece.kind != WHOLE):
-            if max(piece.label, numbers[piece.category]) > MOST_INSTANCES:
+            if max(piece.label, numbers.get(piece.category, 0)) > MOST_INSTANCES:
                 raise ValueError(f"{name} has objects numbered up to {piece.label}, but masks hold at most "
                                  f"{MOST_INSTANCES}; leave the masks out.")
             height, width = piece.mask.shape

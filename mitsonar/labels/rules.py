@@ -36,6 +36,8 @@ class Labels:
     min_contrast : float or None
         Least contrast of an annotation, in standard deviations of the grey values around; see
         `mitsonar.labels.annotations.standing_out`. None: any.
+    shadows : bool
+        Annotate shadows; otherwise only the masks have them.
     whole : bool
         Add annotations of objects with their shadows as further categories.
     tile : (int, int) or None
@@ -76,6 +78,7 @@ class Labels:
     smallest: int = 8
     min_visible: float = 0.0
     min_contrast: float | None = None
+    shadows: bool = True
     whole: bool = False
     tile: tuple[int, int] | None = None
     overlap: float = 0.0
@@ -148,7 +151,8 @@ class Labels:
         return {"program": f"mitsonar {__version__}", "highlight_threshold": self.threshold,
                 "highlight_above_noise_db": self.above_noise_db, "smallest_bins": self.smallest,
                 "min_visible": self.min_visible,
-                **({} if self.min_contrast is None else {"min_contrast": self.min_contrast}), "whole": self.whole,
+                **({} if self.min_contrast is None else {"min_contrast": self.min_contrast}),
+                **({} if self.shadows else {"shadows": False}), "whole": self.whole,
                 "tile": self.tile and list(self.tile), "overlap": self.overlap,
                 **({"negatives": [*self.negatives], "negative_class": self.negative_class} if self.negatives else {}),
                 "drop_empty": self.drop_empty, "tvg": self.tvg, "form": self.form, "cell": self.cell}

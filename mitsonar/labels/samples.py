@@ -61,11 +61,11 @@ def write_sample(record: xr.Dataset, stream: IO[bytes], key: str, rules: SampleR
     """Write the labelled pictures of a record as a tar, and return their numbers."""
     about = {**{name: record.attrs.get(name) for name in TOLD}, **({"meshes": [*meshes]} if meshes else {})}
     classes = rules.labels.numbered(rules.labels.classes or ())
-    numbers = coco.categories(classes, whole=rules.labels.whole)
+    numbers = coco.categories(classes, rules.labels)
     key, tally = key_of(key), Tally()
     with tarfile.open(fileobj=stream, mode="w", format=tarfile.USTAR_FORMAT) as tar:
         for tile in labelled(record, key, rules.labels)[1]:
-            if rules.labels.drop_empty and tile.empty:
+            if rules.labels.drop_empty and tile.is_empty(numbers):
                 continue
             if lacking := {piece.class_name for piece in tile.pieces} - set(classes):
                 raise ValueError(f"{key} has objects of the class {', '.join(sorted(lacking))}, which the classes "
@@ -82,13 +82,13 @@ def write_sample(record: xr.Dataset, stream: IO[bytes], key: str, rules: SampleR
 def _members(record, tile: LabelledTile, name: str, rules: SampleRules, numbers: dict[str, int],
              about: Mapping[str, Any]) -> Iterator[tuple[str, bytes]]:
     """Yield the files of a picture: ending and content."""
-    height, width = tile.picture.shape
+    (height, width), pieces = tile.picture.shape, tile.annotated(numbers)
     yield "png", _png(tile.picture)
     if rules.labels.masks:
         for kind, mask in tile.masks(numbers, name).items():
             yield f"{kind}.png", _png(mask)
     if rules.labels.yolo:
-        lines = [yolo.line(piece, rules.labels.yolo, numbers, height, width) + "\n" for piece in tile.pieces]
+        lines = [yolo.line(piece, rules.labels.yolo, numbers, height, width) + "\n" for piece in pieces]
         yield "txt", "".join(lines).encode()
     if rules.arrays:
         held = io.BytesIO()
@@ -96,7 +96,7 @@ def _members(record, tile: LabelledTile, name: str, rules: SampleRules, numbers:
         np.savez_compressed(held, **laid)
         yield "npz", held.getvalue()
     entries = [{key: value for key, value in coco.entry(piece, number, 0, numbers).items() if key != "image_id"}
-               | {"category": piece.category} for number, piece in enumerate(tile.pieces, 1)] * rules.labels.coco
+               | {"category": piece.category} for number, piece in enumerate(pieces, 1)] * rules.labels.coco
     negatives = {"negatives": tile.negatives, "negative_class": rules.labels.negative_class} if tile.negatives else {}
     yield "json", json.dumps({"height": height, "width": width, "frame": tile.number, **about, **tile.description,
                               "counts": _counts(tile, numbers), **negatives, "annotations": entries},

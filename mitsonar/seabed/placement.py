@@ -42,6 +42,8 @@ class Rules:
     pose : str
         "upright": as in the mesh; "rest": a stable pose, with the probability after a fall; "any": uniformly random
         attitude.
+    height : (float, float) [m]
+        Height over where the target would rest: fish, moored mines.
     along_slope : bool
         True to stand normal to the bed under the footprint instead of vertically.
     weights : array (B,), optional
@@ -53,6 +55,7 @@ class Rules:
     spacing: float = 0.0
     scale: tuple[float, float] = (1.0, 1.0)
     burial: tuple[float, float] = (0.0, 0.0)
+    height: tuple[float, float] = (0.0, 0.0)
     heading: tuple[float, float] = (0.0, 2 * np.pi)
     tilt: tuple[float, float] = (0.0, 0.0)
     pose: Literal["upright", "rest", "any"] = "upright"
@@ -79,6 +82,8 @@ class Placed:
         bed); compass heading of the tilt.
     scale, burial : float [-]
         Factor of size; share of the height below the bed.
+    height : float [m]
+        Height over where the body would rest.
     vertices : array (V, 3) [m]
         Vertices of the body in scene coordinates.
     """
@@ -92,6 +97,7 @@ class Placed:
     tilt_heading: float
     scale: float
     burial: float
+    height: float
     vertices: np.ndarray
 
 
@@ -179,6 +185,7 @@ def _draw(bodies: Sequence[Body], bed: Bed, rules: Rules, area: Box, others: np.
     stream = np.random.default_rng([*np.atleast_1d(seed), number])
     share = stream.random(7)                                           # always all, so that rules stay independent
     attitude = stream.normal(size=4)
+    lift = float(stream.uniform(*rules.height))                        # last, as it came last: older draws stay
     odds = np.ones(len(bodies)) if rules.weights is None else np.asarray(rules.weights, float)
     body = bodies[int(np.searchsorted(np.cumsum(odds) / odds.sum(), share[0], side="right"))]
     scale, heading, tilt, burial = (low + part * (high - low) for part, (low, high) in
@@ -210,9 +217,10 @@ def _draw(bodies: Sequence[Body], bed: Bed, rules: Rules, area: Box, others: np.
             continue                                                   # a tilted body is wider
         position = np.array([*spot, ground.mean()])
         vertices = (scale * body.vertices @ lean.T - middle) @ turned.T
-        vertices[:, 2] -= burial * (high - low)[2]
+        vertices[:, 2] += lift - burial * (high - low)[2]
         return Placed(number=number, body=body, position=position, radius=radius, heading=heading, tilt=tilt,
-                      tilt_heading=tilt_heading, scale=scale, burial=burial, vertices=vertices @ slope.T + position)
+                      tilt_heading=tilt_heading, scale=scale, burial=burial, height=lift,
+                      vertices=vertices @ slope.T + position)
     return None
 
 

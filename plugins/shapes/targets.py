@@ -65,6 +65,8 @@ ATTRIBUTES = (
     Range("scale", default=(1.0,), minimum=1e-6, maximum=1e6, text="factor of size"),
     Range("burial", default=(0.0,), minimum=0, maximum=1,
           text="share of the height that lies below the mean bed under the footprint"),
+    Range("height", default=(0.0,), minimum=0, maximum=10_000, unit="m",
+          text="height over where the target would lie: for fish, and mines on a mooring, which is not drawn"),
     Range("heading_deg", default=(0.0, 360.0), minimum=-360, maximum=720, unit="degrees",
           text="compass heading of the target's front"),
     Range("tilt_deg", default=(0.0,), minimum=0, maximum=180, unit="degrees", text="tilt in a random direction"),
@@ -122,7 +124,8 @@ class Targets(mi.Mesh):
         if len(targets) < count:
             warnings.warn(f"{identity}: {len(targets)} of {count} targets found room", stacklevel=2)
         if scour is not None:
-            marks = [Footprint.of(target.vertices, target.body.faces, target.position[2]) for target in targets]
+            marks = [Footprint.of(target.vertices, target.body.faces, target.position[2]) for target in targets
+                     if target.height == 0]
             cut(attributes, bed_shape, scour, [mark for mark in marks if mark is not None])
         classes = {name: source.class_name or name for name, (_, source) in self.mesh_sources.items()}
         self.part_names = tuple(f"{classes.get(target.body.name, target.body.name)}.{identity}.{target.number}"
@@ -156,8 +159,8 @@ def _rules(attributes):
         raise attributes.error("weights are not at least 0, one of them above; give shares such as 3, 1, 1.")
     heading, tilt = (tuple(np.deg2rad(degrees)) for degrees in (attributes.heading_deg, attributes.tilt_deg))
     return Rules(area=attributes.area, exclude=exclude.reshape(-1, 4), weights=weights, heading=heading, tilt=tilt,
-                 spacing=attributes.spacing, scale=attributes.scale, burial=attributes.burial, pose=attributes.pose,
-                 along_slope=attributes.along_slope)
+                 spacing=attributes.spacing, scale=attributes.scale, burial=attributes.burial,
+                 height=attributes.height, pose=attributes.pose, along_slope=attributes.along_slope)
 
 
 def _check_box(attributes, name, box):
@@ -261,7 +264,7 @@ def _circles(shape):
 def _record_of(target):
     heading, tilt, tilt_heading = np.rad2deg((target.heading, target.tilt, target.tilt_heading)) % 360
     numbers = {"radius": target.radius, "heading_deg": heading, "tilt_deg": tilt, "tilt_heading_deg": tilt_heading,
-               "scale": target.scale, "burial": target.burial}
+               "scale": target.scale, "burial": target.burial, "height": target.height}
     return {"species": target.body.name, "position": [round(float(value), 4) for value in target.position],
             **{name: round(float(value), 4) for name, value in numbers.items()}}
 

@@ -6,7 +6,7 @@
 # wreck, and two lines that real sonars recorded. Beside its score stands that of plain local contrast, which learns
 # nothing, and those of the same detector learned from labelled real lines alone and from both.
 #
-# This needs PyTorch (`pip install "mitsonar[detector]"`) and seven minutes of CPU time: three to render, one for each
+# This needs PyTorch (`pip install "mitsonar[torch]"`) and seven minutes of CPU time: three to render, one for each
 # of five trainings. The test suite does not run it. All draws are seeded.
 
 # %%

@@ -77,7 +77,7 @@ def test_subsets_share_no_seabed_and_keep_the_classes(files):
 def test_without_pytorch_one_sentence(files, monkeypatch):
     monkeypatch.setitem(sys.modules, "torch", None)
     monkeypatch.delitem(sys.modules, "mitsonar.dataset.torch_images", raising=False)
-    with pytest.raises(ImportError, match="PyTorch is not installed here; install torch, or use"):
+    with pytest.raises(ImportError, match="PyTorch is not installed here; run pip install 'mitsonar.torch.', or use"):
         mitsonar.dataset.open(files).torch()
 
 

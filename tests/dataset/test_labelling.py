@@ -344,6 +344,19 @@ def test_an_object_with_its_shadow_is_one_more_annotation_on_demand(tmp_path):
     assert json.loads((tmp_path / "out/masks/classes.json").read_text()) == {"1": "box", "2": "wreck"}
 
 
+def test_shadows_may_be_in_the_masks_alone(tmp_path):
+    exr.write(labelled(), tmp_path / "a.exr")
+    write(tmp_path / "a.exr", tmp_path / "all", Labels(masks=True))
+    counts = write(tmp_path / "a.exr", tmp_path / "out", Labels(coco=True, yolo="boxes", masks=True, shadows=False))
+    told = json.loads((tmp_path / "out/annotations.json").read_text())
+    assert [entry["name"] for entry in told["categories"]] == ["box", "wreck"] and told["info"]["shadows"] is False
+    assert len(told["annotations"]) == counts["highlights"] > 0 == counts["shadows"]
+    assert len((tmp_path / "out/labels/a.txt").read_text().splitlines()) == counts["highlights"]
+    for kind in ("instance", "class", "shadow"):
+        one, other = (tmp_path / f"{folder}/masks/{kind}/a.png" for folder in ("out", "all"))
+        assert one.read_bytes() == other.read_bytes()
+
+
 @pytest.mark.parametrize("least, kept", [(0.0, 4), (0.3, 3), (0.5, 3), (0.6, 2)])
 def test_what_is_hidden_or_cut_beyond_a_share_is_left_out(tmp_path, least, kept):
     """The wreck is exposed to 0.25 and the box to 0.5; shadows are what they are."""

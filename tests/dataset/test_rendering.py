@@ -76,7 +76,7 @@ def test_a_plan_without_images_or_classes_is_refused(plan):
 def test_without_pytorch_a_plan_is_left_to_sweeps(plan, monkeypatch):
     monkeypatch.setitem(sys.modules, "torch", None)
     monkeypatch.delitem(sys.modules, "mitsonar.dataset.torch_rendering", raising=False)
-    with pytest.raises(ImportError, match="PyTorch is not installed here; install torch, or render files"):
+    with pytest.raises(ImportError, match="run pip install .mitsonar.torch.., or render files"):
         rendering(plan())
 
 
@@ -177,6 +177,20 @@ def test_ranks_and_workers_part_every_epoch_evenly(plan, torch):
         rendering(plan(), rank=3, world_size=3)
     with pytest.raises(ValueError, match="makes 4 renders, fewer than the 5 processes"):
         rendering(plan(), rank=0, world_size=5)
+
+
+def test_a_subset_has_the_renders_of_the_split_alone(plan, torch):
+    shares = "[split]\ntrain = 0.75\ntest = 0.25\n"
+    longer = load_plan(plan(samples=30, text=PLAN + shares))
+    path = plan(samples=10, text=PLAN + shares)
+    for subset, count in (("train", 15), ("test", 5)):
+        data = rendering(path, subset=subset)
+        assert len(data) == count
+        epochs = [data.share(epoch, 0, 1) for epoch in range(3)]
+        assert {longer.render(int(index)).split for share in epochs for index in share} == {subset}
+        assert len(set(np.concatenate(epochs))) == sum(map(len, epochs)) and list(epochs[0]) != sorted(epochs[0])
+    with pytest.raises(ValueError, match=r"'val' was asked for, but \[split\] of .* has train, test; give"):
+        rendering(path, subset="val")
 
 
 def test_an_endless_set_goes_on_and_a_stopped_one_begins_where_it_was(plan, torch):

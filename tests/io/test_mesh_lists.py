@@ -58,7 +58,8 @@ def test_a_changed_file_is_read_again(folder):
     ("up = 'x'", "up is 'x'; give z, y"), ("scale = 0", "scale is 0; give metres"), ("scale = inf", "scale is inf"),
     ("scale = true", "scale is True"), ("unit = 'm'\nscale = 1", "unit and scale are"),
     ("[manta]\nclass = 'a.b'", r"\[manta\]: class is 'a\.b'; give a name without dots"),
-    ("class = ' a'", "class is ' a'"), (f"class = '{'a' * 101}'", "class is"), ("a" * 50, "cannot read"),
+    ("class = ' a'", "class is ' a'"), ("class = 'mine shadow'", 'without " shadow"'),
+    (f"class = '{'a' * 101}'", "class is"), ("a" * 50, "cannot read"),
     ("[" * 5000, "cannot read"), ("\0", "cannot read"),
     ("licence = 'é'".encode("latin-1"), "cannot read"), (b"#" * (LARGEST + 1), "give a TOML file of at most")])
 def test_hostile_statements_are_refused_in_a_sentence(folder, text, said):

@@ -166,3 +166,9 @@ def test_a_bed_outlives_the_memory_of_its_mesh(variant):
     shape = mi.load_dict({"type": "scene", "seabed": bed()}, optimize=False).shapes()[0]
     kept, view = vertices_before(shape), mesh_arrays(shape)[0]
     assert (kept == view).all() and not np.shares_memory(kept, view)
+
+
+def test_what_floats_scours_nothing(heights):
+    scour = {"scour_depth": 0.2, "seed": 5}
+    level = heights({"seabed": bed(), "boulders": stones(**scour, height="0.5, 2")})
+    assert np.ptp(level) == 0 and np.ptp(heights({"seabed": bed(), "boulders": stones(**scour)})) > 0.1

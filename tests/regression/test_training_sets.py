@@ -53,7 +53,25 @@ def test_renders_of_a_plan_load_with_targets_of_its_classes(variant, name):
         placed.append([target["species"] for shape in scene.shapes() if (strewn := strewn_shape(shape)) is not None
                        for target in strewn.placed.values()])
     assert len({len(each) for each in placed}) > 1
-    assert {species for each in placed for species in each} <= set(plan.classes)
+    negatives = set(plan.labels["negatives"])
+    assert {species for each in placed for species in each} <= negatives | set(plan.classes)
+    assert not negatives & set(plan.classes)
+
+
+@pytest.mark.parametrize("name", TINY)
+def test_beds_and_numbers_of_mines_are_in_every_subset_and_no_bed_in_two(name):
+    plan = load_plan(name)
+    renders = [plan.render(number) for number in range(len(plan))]
+    of_bed = {}
+    for render in renders:
+        of_bed.setdefault(render.parameters["bed_seed"], set()).add(render.split)
+    assert {len(subsets) for subsets in of_bed.values()} == {1}
+    counts = Counter(render.split for render in renders)
+    for subset, share in (("train", 0.7), ("val", 0.1), ("test", 0.2)):
+        assert abs(counts[subset] - share * len(plan)) <= 1
+        assert len({render.parameters["sand_db"] for render in renders if render.split == subset}) == 8
+        assert {render.parameters["mines"] for render in renders if render.split == subset} == \
+            {render.parameters["mines"] for render in renders}
 
 
 @pytest.mark.filterwarnings("ignore")

@@ -5,6 +5,8 @@ half sides a, b and half height h a face is seen from the middle under 4 atan(ab
 stable faces that is the share of all drops. Drawn numbers: Kolmogorov-Smirnov against the uniform distribution, chance
 of a false alarm 1e-3 each; the seeds are fixed, so a test that passes once passes always.
 """
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from matplotlib.tri import LinearTriInterpolator, Triangulation
@@ -108,6 +110,10 @@ class TestChance:
         for name, low, high in (("scale", 0.5, 2.0), ("burial", 0.1, 0.6), ("heading", 0.2, 3.0), ("tilt", 0.0, 0.4),
                                 ("tilt_heading", 0.0, 2 * np.pi)):
             assert is_uniform([getattr(target, name) for target in targets], low, high), name
+        lifted = drawn(800, replace(rules, height=(0.5, 3.0)))         # and nothing else changes
+        assert is_uniform([target.height for target in lifted], 0.5, 3.0)
+        for above, target in zip(lifted, targets):
+            np.testing.assert_allclose(above.vertices - target.vertices, [[0, 0, above.height]] * 8, atol=1e-9)
         whole = [target.heading for target in drawn(800)]
         assert is_uniform(whole, 0, 2 * np.pi) and not is_uniform(whole, 0.2, 2 * np.pi)
 

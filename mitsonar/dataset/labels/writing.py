@@ -78,7 +78,7 @@ def write(places: FilePath | Iterable[FilePath], folder: FilePath, labels: Label
         homes, by, labels = given, "plan", replace(labels, split=shares_of(given))
     elif labels.split:
         homes = deal(groups, labels.split, labels.split_seed, by)
-    numbers = coco.categories(labels.numbered(_classes(sources, labels)), whole=labels.whole)
+    numbers = coco.categories(labels.numbered(_classes(sources, labels)), labels)
     with _complete(Path(os.path.realpath(folder))) as partial:
         writer = _Writer(partial, labels, numbers)
         for done, (source, home) in enumerate(zip(sources, homes, strict=True), 1):
@@ -176,8 +176,8 @@ class _Writer:
     def _tile(self, name, tile, description, subset):
         if name in self.names:
             raise ValueError(f"two pictures would both be named {name}; rename a file, or process them separately.")
-        pieces, picture = tile.pieces, tile.picture
-        if self.labels.drop_empty and tile.empty:
+        pieces, picture = tile.annotated(self.numbers), tile.picture
+        if self.labels.drop_empty and tile.is_empty(self.numbers):
             self.counts["empty"] += 1
             return
         self.names[name] = number = len(self.names) + 1

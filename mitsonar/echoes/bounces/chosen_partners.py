@@ -39,9 +39,9 @@ from .path_ends import Ends, image_of
 EVEN_SHARE = 0.5                   # of the candidates that are drawn evenly
 
 
-def partners(strata: Strata, key: mi.UInt32) -> tuple[mi.UInt32, mi.Float]:
-    """Draw a candidate of the same row for every ray, and the probability of the draw, (R,) each."""
-    row, within, i, j = strata.split(dr.arange(mi.UInt32, strata.rays))
+def partners(strata: Strata, ray: mi.UInt32, key: mi.UInt32) -> tuple[mi.UInt32, mi.Float]:
+    """Draw a candidate of the same row for every ray of these numbers, and the probability of the draw, (R,) each."""
+    row, within, i, j = strata.split(ray)
     first, second = pair(within, key)
     third, fourth = other_pair(first, key)
     even = uniform(strata.lib, third) < EVEN_SHARE
@@ -77,36 +77,49 @@ class ChosenPartners:
 
     def __init__(self, profile: SoundSpeedProfile, *, frequency: float, surface: int):         # frequency [Hz]
         self._frequency, self._lib = frequency, arrays_of(mi.Float)
-        self._surface, self._count = dr.opaque(mi.UInt32, surface), dr.opaque(mi.UInt32, CANDIDATES)
+        self._count, at_surface = dr.opaque(mi.UInt32, CANDIDATES), dr.opaque(mi.UInt32, surface)
+        # pairs of bed and surface have partners of their own, apart from pairs of the same kind
+        self._kinds = [None] if not surface else [
+            lambda a, b: (a.label == at_surface) != (b.label == at_surface),
+            lambda a, b: (a.label == at_surface) == (b.label == at_surface)]
         # largest change of the launch angle per metre, for rays that leave above and below the straight line
         slowest = float(profile.sound_speed.min())
         bend = np.diff(profile.sound_speed) / (np.diff(profile.depth) * slowest)
         self._bends = [dr.opaque(mi.Float, np.max(slope, initial=0.0)) for slope in (-bend, bend)]
 
-    def choose(self, a: Ends, b: Ends, seen: mi.Float, strata: Strata, key: mi.UInt32, *, folded: bool,
-               unlike: bool | None) -> tuple[mi.UInt32, mi.Float]:
-        """Return the number of an end of b for every end of a, and the probability q of the choice, (R,) each."""
-        _, within, _, _ = strata.split(dr.arange(mi.UInt32, strata.rays))
-        wanted = None if unlike is None else dr.opaque(mi.Bool, unlike)
+    def choose(self, a: Ends, b: Ends, seen: mi.Float, strata: Strata, key: mi.UInt32, *,
+               folded: bool) -> list[tuple[mi.UInt32, mi.Float]]:
+        """Return for every kind of pair the number of an end of b for every end of a, and the probability q, (R,) each.
 
-        def add_candidate(k: mi.UInt32, total: mi.Float, partner: mi.UInt32, worth: mi.Float) -> tuple[Any, ...]:
+        The kinds choose from the same candidates.
+        """
+        _, within, _, _ = strata.split(a.ray)
+
+        def add_candidate(k: mi.UInt32, *sums: Any) -> tuple[Any, ...]:
             candidate_key = salted(key, Salt.CANDIDATE, k)
-            candidate, chance = partners(strata, candidate_key)
-            value = self._value(a, b.chosen(candidate), dr.gather(mi.Float, seen, candidate), strata, folded, wanted)
-            weight = value / chance
-            total = total + weight
+            candidate, chance = partners(strata, a.ray, candidate_key)
+            end = b.chosen(candidate)
+            either = self._value(a, end, dr.gather(mi.Float, seen, candidate), strata, folded)
             bits, _ = other_pair(within, candidate_key)
-            kept = (weight > 0) & (uniform(self._lib, bits) * total < weight)
-            return (k + 1, total, dr.select(kept, candidate, partner), dr.select(kept, value, worth))
+            state: list[Any] = [k + 1]
+            for kind, (total, partner, worth) in zip(self._kinds, zip(*[iter(sums)] * 3)):
+                value = either if kind is None else dr.select(kind(a, end), either, 0)
+                weight = value / chance
+                total = total + weight
+                kept = (weight > 0) & (uniform(self._lib, bits) * total < weight)
+                state += [total, dr.select(kept, candidate, partner), dr.select(kept, value, worth)]
+            return tuple(state)
 
-        zero = dr.zeros(mi.Float, strata.rays)
-        state = (mi.UInt32(0), zero, dr.zeros(mi.UInt32, strata.rays), mi.Float(zero))
-        _, total, partner, worth = looped(state, lambda k, *_: k < self._count, add_candidate, "partners")
-        chance = dr.select(total > 0, worth * mi.Float(self._count) / total, 0)
-        dr.eval(partner, chance)
-        return partner, chance
+        count = dr.width(a.ray)
+        start = [part for _ in self._kinds for part in (dr.zeros(mi.Float, count), dr.zeros(mi.UInt32, count),
+                                                        dr.zeros(mi.Float, count))]
+        _, *sums = looped((mi.UInt32(0), *start), lambda k, *_: k < self._count, add_candidate, "partners")
+        chosen = [(partner, dr.select(total > 0, worth * mi.Float(self._count) / total, 0))
+                  for total, partner, worth in zip(*[iter(sums)] * 3)]
+        dr.eval(chosen)
+        return chosen
 
-    def _value(self, a, b, seen, strata, folded, unlike):
+    def _value(self, a, b, seen, strata, folded):
         """Return f, except for factors that all pairs of an end of a share."""
         way = mi.Vector3f(b.point - (image_of(a.point) if folded else a.point))
         distance = dr.norm(way)
@@ -115,8 +128,6 @@ class ChosenPartners:
         strength_a, seen_a = self._strength(a, leaving, distance, folded)
         strength_b, seen_b = self._strength(b, -towards, distance, folded)
         active = a.valid & b.valid & seen_a & seen_b & (distance > NEAREST)
-        if unlike is not None:
-            active &= ((a.label == self._surface) != (b.label == self._surface)) == unlike
         sine_b = -dr.dot(b.hits.normal, b.hits.arrival_direction)
         power = scattered(b.solid_angle * mi.Float(strata.per_row) * seen * strength_a, strength_b, sine_b)
         length = distance + mi.Float((a.leg.travel_time + a.between + b.leg.travel_time) * b.hits.sound_speed)

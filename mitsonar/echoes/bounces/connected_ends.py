@@ -12,7 +12,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mitsonar.device.arrays import upload
+from mitsonar.device.arrays import entries, picked, upload
 from mitsonar.device.chance import Salt, pair, salted, uniform
 from mitsonar.scattering.bodies.echo_taps import ReceivedBand
 from mitsonar.scene.labels import SEABED
@@ -78,7 +78,7 @@ class ConnectedEnds:
         intensity = passed_on(scattered(a.solid_angle, strength_a, sine_a), spreading_area=way.spreading_area,
                               patch=b.patch / CANDIDATES)
         energy = returned_by_patch(intensity, solid_angle=b.solid_angle, strength=strength_b, sin_grazing=sine_b,
-                                   speed_ratio=speed_ratio(b.hits.sound_speed, sonar.speed)) / chance
+                                   speed_ratio=speed_ratio(b.hits.sound_speed, picked(sonar.speed, a.ray))) / chance
         loss_db = self._water.one_way_db(a.point, b.point, way, folded)
         code = Paths.extended(a.code, mi.Bool(True)) if folded else a.code
         return Ghosts.of(energy, a, b, a.between + way.travel_time, joined(code, b.code), active, loss_db)
@@ -103,6 +103,7 @@ class ConnectedEnds:
 
     def at_target(self, ends: Ends, target: TargetEnds, folded: bool) -> Ghosts:
         """Return ghosts from the ends to point targets, straight or by way of the mirror, and back to the sonar."""
+        target = entries(target, ends.ray)
         active = ends.valid & target.valid
         way = self._connector.join(ends.point, ends.hits.normal, target.point, mi.Vector3f(0, 0, 0), active,
                                    folded=folded, short=TARGET_RADIUS)
@@ -117,7 +118,7 @@ class ConnectedEnds:
 
     def home(self, ends: Ends, sonar: Origins, again: bool) -> Iterator[Ghosts]:
         """Yield ghosts from the hits of rays off smooth targets to the sonar; `again` adds those by the mirror."""
-        hits = ends.hits
+        hits, sonar = ends.hits, sonar.of(ends.ray)
         for folded in (False, True)[:1 + (self._mirror and again)]:
             way, place, code = self._seen(sonar, hits.point, hits.normal, hits.valid, folded, ends.code)
             active = hits.valid & way.free
@@ -131,7 +132,7 @@ class ConnectedEnds:
                            loss_db=self._water.one_way_db(sonar.origin, hits.point, way, folded))
             ghosts = Ghosts.of(energy, ends, back, ends.between, code, active)
             yield ghosts
-            yield ghosts.reversed(ends, sonar.origin)
+            yield ghosts.reversed(sonar.origin)
 
     def _diffuse(self, hits: Hits, sine: mi.Float, first: mi.Float, second: mi.Float,
                  active: mi.Bool) -> mi.Float | float:

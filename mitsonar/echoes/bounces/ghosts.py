@@ -23,6 +23,9 @@ class Ghosts:
     label: mi.UInt32  # (R,): of the last thing that the sound met
     depth: mi.Float  # (R,) [m]: of that place
     active: mi.Bool  # (R,)
+    ray: mi.UInt32  # (R,): numbers of the rays that they come from
+    first_label: mi.UInt32  # (R,): of the first thing that the sound met
+    first_smooth: mi.Bool  # (R,): True if that is a smooth target
 
     @classmethod
     def of(cls, energy: mi.Float, out: Ends, back: Ends | TargetEnds, between: mi.Float64, code: mi.UInt32,
@@ -30,16 +33,17 @@ class Ghosts:
         """Return the ghosts that leave by one end and return by another; `loss_db` is the loss in between."""
         active = active & (energy > 0) & dr.isfinite(energy)
         return cls(energy=energy, loss_db=out.loss_db + back.loss_db + loss_db, out=out.leg, back=back.leg,
-                   between=between, code=code, label=back.label, depth=mi.Float(-back.point.z), active=active)
+                   between=between, code=code, label=back.label, depth=mi.Float(-back.point.z), active=active,
+                   ray=out.ray, first_label=out.first_label, first_smooth=out.first_smooth)
 
-    def turned(self, ends: Ends, origin: dr.ArrayBase) -> Ghosts:
-        """Return the same paths in reverse; `ends` are those they left by, `origin` is the place of the sonar."""
+    def turned(self, origin: dr.ArrayBase) -> Ghosts:
+        """Return the same paths in reverse; `origin` (R,) [m] is the place of the sonar."""
         z = self.out.offset.z + (-origin.z if self.out.folded else origin.z)
-        return replace(self, out=self.back, back=self.out, label=ends.first_label, depth=mi.Float(-z))
+        return replace(self, out=self.back, back=self.out, label=self.first_label, depth=mi.Float(-z))
 
-    def reversed(self, ends: Ends, origin: dr.ArrayBase) -> Ghosts:
+    def reversed(self, origin: dr.ArrayBase) -> Ghosts:
         """Return the paths that begin at a smooth target, in reverse."""
-        return replace(self.turned(ends, origin), active=self.active & ends.first_smooth)
+        return replace(self.turned(origin), active=self.active & self.first_smooth)
 
 
 def joined(code: mi.UInt32, last: mi.UInt32) -> mi.UInt32:

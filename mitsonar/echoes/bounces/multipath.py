@@ -36,6 +36,7 @@ from itertools import product
 import drjit as dr
 import mitsuba as mi
 
+from mitsonar.device.arrays import entries, picked
 from mitsonar.device.chance import Salt, other_pair, pair, salted, uniform
 from mitsonar.scene.materials import next_direction
 from mitsonar.scene.protocols import is_smooth
@@ -75,7 +76,8 @@ class TracedEnds:
             hits=replace(hits.without_way(), valid=valid), solid_angle=solid_angle, patch=patch,
             between=dr.zeros(mi.Float64, dr.width(solid_angle)), loss_db=loss_db,
             code=Paths.extended(mi.UInt32(1), hits.label == self._surface), leg=EchoLeg.along(hits, origin, hits.point),
-            first_label=hits.label, first_smooth=dr.zeros(mi.Bool, dr.width(solid_angle))))
+            first_label=hits.label, first_smooth=dr.zeros(mi.Bool, dr.width(solid_angle)),
+            ray=dr.arange(mi.UInt32, dr.width(solid_angle))))
 
     def folded(self, ends: Ends, origin: dr.ArrayBase) -> Ends:
         """Return the same points, reached by way of the mirror."""
@@ -91,8 +93,12 @@ class TracedEnds:
             loss_db=self._water.one_way_db(origin, hits.point, way, folded=True)))
 
     def next(self, ends: Ends, strata: Strata, key: mi.UInt32, *, smooth_only: bool) -> tuple[Ends, mi.Bool]:
-        """Return the ends after one more bounce, and whether it was off a smooth target; `smooth_only`: only those."""
-        first, second = pair(strata.split(dr.arange(mi.UInt32, strata.rays))[1], key)
+        """Return the ends after one more bounce, and whether it was off a smooth target; `smooth_only`: only those.
+
+        Rays that meet nothing more are left out.
+        """
+        key = picked(key, ends.ray)
+        first, second = pair(strata.split(ends.ray)[1], key)
         third, _ = other_pair(second, key)
         first, second, third = (uniform(self._lib, bits) for bits in (first, second, third))
         last = ends.hits
@@ -104,17 +110,23 @@ class TracedEnds:
         active = last.valid & (share > 0)
         if smooth_only:
             active &= mirrored
-        hits = self._free_rays.hit(last.point, last.normal, direction, active)
+        dr.eval(direction, share, mirrored, active)
+        index, ends = ends.only(active)
+        last, (direction, share, mirrored) = ends.hits, entries([direction, share, mirrored], index)
+        hits = self._free_rays.hit(last.point, last.normal, direction, last.valid)
         sine = -dr.dot(hits.normal, hits.arrival_direction)
-        return computed(replace(
-            ends, hits=replace(hits.without_way(), valid=active & hits.valid & (sine > GRAZING)),
+        there = last.valid & hits.valid & (sine > GRAZING)
+        ends, mirrored = computed([replace(
+            ends, hits=replace(hits.without_way(), valid=there),
             solid_angle=ends.solid_angle * share, between=ends.between + hits.travel_time,
             code=Paths.extended(ends.code, hits.label == self._surface),
-            loss_db=ends.loss_db + self._water.one_way_db(last.point, hits.point, hits))), mirrored
+            loss_db=ends.loss_db + self._water.one_way_db(last.point, hits.point, hits)), mirrored])
+        index, ends = ends.only(there)
+        return computed(ends), picked(mirrored, index)
 
 
 NUMBER_STEP = 1 << 8               # between the random numbers of uses: the candidates of each use take the next few
-MOST_WAYS = 8                      # to connect ends: either view, folded or not, like or unlike
+MOST_WAYS = 8                      # to connect ends: either view, folded or not; more than there are
 
 
 class Bounces:
@@ -127,9 +139,8 @@ class Bounces:
         self._mirror = geometry.surface_mirrors
         self._ends = TracedEnds(connector, free_rays, frequency=frequency)
         self._connected = ConnectedEnds(connector, frequency=frequency, max_depth=paths.max_depth)
-        self._partners = ChosenPartners(connector.water.profile, frequency=frequency, surface=geometry.surface_label)
-        # pairs of bed and surface draw partners of their own, apart from pairs of the same kind
-        self._unlike = (True, False) if geometry.surface_label and not self._mirror else (None,)
+        self._partners = ChosenPartners(connector.water.profile, frequency=frequency,
+                                        surface=0 if self._mirror else geometry.surface_label)
         self.targets = bool(self._connected.targets)
         self._smooth = any(map(is_smooth, geometry.scene.shapes()))
 
@@ -155,13 +166,13 @@ class Bounces:
                     for ghosts in self._between(a, views, most - bounces, seen, sonar, strata, key, use):
                         yield ghosts
                         if self._smooth and bounces > made:
-                            yield ghosts.reversed(a, origin)
+                            yield ghosts.reversed(picked(origin, ghosts.ray))
                 for more, target in points.items():
                     for folded in (False, True)[:len(views)]:
                         if bounces + folded + more <= most:
                             ghosts = self._connected.at_target(a, target, folded)
                             yield ghosts
-                            yield ghosts.turned(a, origin)
+                            yield ghosts.turned(picked(origin, ghosts.ray))
                 smooth = self._smooth and surfaces
                 if bounces + 1 < most or smooth:
                     a, mirrored = self._ends.next(a, strata, salted(key, Salt.DIRECTION, bounces),
@@ -169,7 +180,7 @@ class Bounces:
                     if bounces == made:
                         a = computed(replace(a, first_smooth=mirrored))
                     if smooth:
-                        yield from self._connected.home(a.where(mirrored), sonar, bounces + 2 <= most)
+                        yield from self._connected.home(computed(a.only(mirrored)[1]), sonar, bounces + 2 <= most)
 
     def _between(self, a: Ends, views: Mapping[int, Ends], left: int, seen: mi.Float, sonar: Origins, strata: Strata,
                  key: mi.UInt32, use: int) -> Iterator[Ghosts]:
@@ -177,9 +188,12 @@ class Bounces:
 
         Random numbers of these ghosts are numbered from `use` on.
         """
-        ways = product(views.items(), (False, True)[:1 + self._mirror], self._unlike)
-        for number, ((more, b), folded, unlike) in enumerate(ways, use):
+        ways = product(views.items(), (False, True)[:1 + self._mirror])
+        for number, ((more, b), folded) in enumerate(ways, use):
             if more + folded <= left:
                 pair_key = salted(key, Salt.PARTNER, dr.opaque(mi.UInt32, number * NUMBER_STEP))
-                partner, chance = self._partners.choose(a, b, seen, strata, pair_key, folded=folded, unlike=unlike)
-                yield self._connected.pairs(a.where(chance > 0), b.chosen(partner), chance, sonar, folded)
+                chosen = self._partners.choose(a, b, seen, strata, picked(pair_key, a.ray), folded=folded)
+                for pairs in chosen:
+                    index, some = a.only(pairs[1] > 0)
+                    partner, chance = entries(pairs, index)
+                    yield self._connected.pairs(some, b.chosen(partner), chance, sonar, folded)

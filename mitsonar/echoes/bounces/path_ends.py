@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import drjit as dr
 import mitsuba as mi
 
-from mitsonar.device.arrays import Kept, entries
+from mitsonar.device.arrays import Kept, compressed, entries, picked
 from mitsonar.scene.tracing.hits import Hits
 from mitsonar.scene.tracing.tracer import Sources
 
@@ -25,6 +25,11 @@ class Origins:
     source: mi.UInt32  # (R,): index into `sources`
     speed: mi.Float  # (R,) [m/s]: sound speed at the source
 
+    def of(self, ray: mi.UInt32) -> Origins:
+        """Return the sources of the rays with these numbers."""
+        return replace(self, origin=picked(self.origin, ray), source=picked(self.source, ray),
+                       speed=picked(self.speed, ray))
+
 
 @dataclass(frozen=True, kw_only=True)
 class Ends:
@@ -39,6 +44,7 @@ class Ends:
     leg: EchoLeg  # to the first hit
     first_label: mi.UInt32  # (R,): of the first hit
     first_smooth: mi.Bool  # (R,): True if the first hit was on a smooth target
+    ray: mi.UInt32  # (R,): numbers of the rays in their bundle
 
     @property
     def valid(self) -> mi.Bool:
@@ -55,9 +61,11 @@ class Ends:
         """Label of the last hit."""
         return self.hits.label
 
-    def where(self, valid: mi.Bool) -> Ends:
-        """Return the same ends, of which only those that are also `valid` count."""
-        return replace(self, hits=replace(self.hits, valid=self.hits.valid & valid))
+    def only(self, active: mi.Bool) -> tuple[mi.UInt32, Ends]:
+        """Return the numbers of the ends that are valid and `active`, and these ends; see `going`."""
+        index, valid = going(self.valid & active)
+        ends = self.chosen(index)
+        return index, replace(ends, hits=replace(ends.hits, valid=valid))
 
     def chosen(self, index: mi.UInt32) -> Ends:
         """Return the ends with these numbers."""
@@ -80,6 +88,18 @@ class TargetEnds:
 def image_of(origin: dr.ArrayBase) -> dr.ArrayBase:
     """Return the image of a point in the flat sea surface."""
     return type(origin)(origin.x, origin.y, -origin.z)
+
+
+def going(active: mi.Bool) -> tuple[mi.UInt32, mi.Bool]:
+    """Return the numbers of the active entries, at least two numbers, and True for those that are active.
+
+    Arrays of one entry would be broadcast, by kernels of their own.
+    """
+    index = compressed(active)
+    count = dr.width(index)
+    if count < 2:
+        index = mi.UInt32(index.numpy().tolist() + [0] * (2 - count))
+    return index, dr.arange(mi.UInt32, max(count, 2)) < dr.opaque(mi.UInt32, count)
 
 
 def computed(record: Kept) -> Kept:

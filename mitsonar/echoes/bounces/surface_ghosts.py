@@ -26,7 +26,7 @@ from ..scatterers.scatterers import Cells
 from ..sights.sights import Sights
 from ..sonar_equation import absorbed, along_legs
 from .multipath import Bounces
-from .volume import UnderBed, WaterEchoes
+from .volume import WaterEchoes
 
 FAINTEST = 1e-12                   # relative to the strongest of its kind: weaker echoes are dropped
 
@@ -93,23 +93,24 @@ class ArrayGhosts:
                 index = compressed(active & (path == dr.opaque(mi.UInt32, self.paths.number(name))))
                 if dr.width(index):
                     power = dr.gather(mi.Float, energy, index)
-                    bits = hashed_pair(self.lib, index, row_key, dr.opaque(mi.UInt32, number))
+                    ray = dr.gather(mi.UInt32, ghosts.ray, index)
+                    bits = hashed_pair(self.lib, ray, row_key, dr.opaque(mi.UInt32, number))
                     yield Echoes(out=ghosts.out.chosen(index), back=ghosts.back.chosen(index),
                                  between=dr.gather(mi.Float64, ghosts.between, index), energy=power, path=name,
                                  amplitude=self._drawn(power, bits)).evaluated()
 
     def of_water(self, sources: Sources, origin: dr.ArrayBase, direction: mi.Vector3f, solid_angle: mi.Float,
-                 strata: Strata, key: int, under_bed: UnderBed | None = None) -> Iterator[Echoes]:
+                 strata: Strata, key: int) -> Iterator[Echoes]:
         """Yield the echoes of points of the water, one along each direction."""
         if self.water is None:
             return
         row_key = dr.opaque(mi.UInt32, salted(key, Salt.ARRAY_WATER))
         bits, _ = pair(dr.arange(mi.UInt32, strata.rays), row_key)
-        visible = self.water.draw_visible(sources, origin, direction, solid_angle, strata, uniform(self.lib, bits),
-                                          under_bed)
-        if visible is None:
+        connected = self.water.draw_connected(sources, origin, direction, solid_angle, strata,
+                                              uniform(self.lib, bits))
+        if connected is None:
             return
-        index, drawn = visible
+        index, drawn = connected
         energy = drawn.energy * absorbed(drawn.loss_db)
         yield from self._made(energy, self._drawn(energy, hashed_pair(self.lib, index, row_key)),
                               EchoLeg.along(drawn.way, origin, drawn.point), None, drawn.active, "v")

@@ -47,6 +47,7 @@ class WaterEchoes:
         self.connector, self.water, self.lib = connector, connector.water, connector.lib
         near, far = 0.5 * window[0] * self.water.slowest * NEARER, 0.5 * window[1] * self.water.fastest * FARTHER
         near, far = max(near, NEAREST), max(far, 2 * NEAREST)
+        self.farthest = far
         self.near, self.span = dr.opaque(mi.Float, near), dr.opaque(mi.Float, far - near)
 
     def draw(self, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32, direction: mi.Vector3f,
@@ -59,26 +60,37 @@ class WaterEchoes:
         way = self.connector.connect(sources, origin, source, point, mi.Vector3f(0, 0, 0), in_water)
         return self._drawn(sources, origin, source, point, r, solid_angle, way, in_water)
 
-    def draw_visible(self, sources: Sources, origin: dr.ArrayBase, direction: mi.Vector3f, solid_angle: mi.Float,
-                     strata: Strata, chance: mi.Float,
-                     under_bed: UnderBed | None) -> tuple[mi.UInt32, DrawnPoints] | None:
+    def draw_connected(self, sources: Sources, origin: dr.ArrayBase, direction: mi.Vector3f, solid_angle: mi.Float,
+                       strata: Strata, chance: mi.Float) -> tuple[mi.UInt32, DrawnPoints] | None:
         """Return numbers (V,) of directions, and the points along them, as `draw` does from source 0; None if none.
 
-        Points above the water, and those that lie under the bed, are left out before they are connected.
+        Points above the water are left out before they are connected.
         """
-        r = self._distances(strata, chance)
-        point = origin + type(origin)(direction * r)
-        possible = point.z < 0
-        if under_bed is not None:
-            possible &= ~under_bed(point)
-        dr.eval(direction, solid_angle, r, possible)
-        index = compressed(possible)
+        index, r = self.spread(origin, direction, strata, chance)
         if not dr.width(index):
             return None
         direction, solid_angle, r = entries((direction, solid_angle, r), index)
         point = origin + type(origin)(direction * r)
         way = self.connector.connect_in_water(sources, origin, point)
         return index, self._drawn(sources, origin, mi.UInt32(0), point, r, solid_angle, way, mi.Bool(True))
+
+    def spread(self, origin: dr.ArrayBase, direction: mi.Vector3f, strata: Strata, chance: mi.Float,
+               under_bed: UnderBed | None = None) -> tuple[mi.UInt32, mi.Float]:
+        """Return the distances [m] of points along all directions, and numbers (V,) of those in the water.
+
+        Points that lie under the bed are left out.
+        """
+        r = self._distances(strata, chance)
+        point = origin + type(origin)(direction * r)
+        possible = point.z < 0
+        if under_bed is not None:
+            possible &= ~under_bed(point)
+        dr.eval(direction, r, possible)
+        return compressed(possible), r
+
+    def strength(self, depth: mi.Float, r: mi.Float, solid_angle: mi.Float, active: mi.Bool | bool = True) -> mi.Float:
+        """Return the strengths S (R,) [m²] of points at depths [m] and distances `r` [m]."""
+        return self.water.volume.at(depth, active) * r * r * solid_angle * self.span
 
     def _distances(self, strata: Strata, chance: mi.Float) -> mi.Float:
         """Return the distances [m] of the points of all directions."""
@@ -93,10 +105,10 @@ class WaterEchoes:
     def _drawn(self, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32, point: dr.ArrayBase, r: mi.Float,
                solid_angle: mi.Float, way: Connection, in_water: mi.Bool) -> DrawnPoints:
         """Return points at distances [m] with the energies of their echoes."""
-        strength = self.water.volume.at(mi.Float(-point.z), in_water)
+        strength = self.strength(mi.Float(-point.z), r, solid_angle, in_water)
         source_speed = mi.Float(sources.state.gather(self.lib, source)[1])
         gain = leg_gain(spreading_area=way.spreading_area, speed_ratio=speed_ratio(way.sound_speed, source_speed))
-        energy = along_legs(strength * r * r * solid_angle * self.span, gain, gain)
+        energy = along_legs(strength, gain, gain)
         return DrawnPoints(point=point, way=way, energy=energy, loss_db=self.water.loss_db(origin, point, way),
                            active=in_water & way.free & (energy > 0) & dr.isfinite(energy))
 

@@ -44,13 +44,14 @@ class TableLegs:
 
 
 class EigenrayTable:
-    """Table of the eigenrays that leave one depth."""
+    """Table of the eigenrays that leave one depth, to the depths of the scene or to others."""
 
-    def __init__(self, connector: Connector, *, depth: float, farthest: float):                # depth, farthest [m]
+    def __init__(self, connector: Connector, *, depth: float, farthest: float,                 # depth, farthest [m]
+                 depths: tuple[float, float] | None = None):                                   # [m]
         self.lib, self.depth = arrays_of(mi.Float), float(depth)
         water = connector.water
         self.sound_speed = float(water.profile.at(depth))
-        top, bottom = connector.geometry.depth_range
+        top, bottom = depths or connector.geometry.depth_range
         z0, z1 = max(top, depth - farthest) - BEYOND, min(bottom, depth + farthest) + BEYOND
         z1, reach = max(z1, z0 + BEYOND), farthest + 1
         x, z = (a.ravel() for a in np.meshgrid(np.maximum(np.linspace(0, reach, RANGES), NEAREST),
@@ -61,7 +62,7 @@ class EigenrayTable:
         way = connector.join(start, nothing, point, nothing, occlusion=False)
         c0 = dr.opaque(mi.Float64, self.sound_speed)
         height = point.z - start.z
-        R = dr.maximum(dr.sqrt(point.x * point.x + height * height), CLOSEST)
+        R = dr.sqrt(point.x * point.x + height * height)
         rise = mi.Float(height / R)
         gain = leg_gain(spreading_area=way.spreading_area, speed_ratio=speed_ratio(way.sound_speed, c0),
                         loss_db=water.loss_db(start, point, way))
@@ -94,18 +95,22 @@ class EigenrayTable:
         i, j = mi.UInt32(px), mi.UInt32(pz)
         return i * DEPTHS + j, px - mi.Float(i), pz - mi.Float(j)
 
-    def lateness(self, horizontal_range: mi.Float, height: mi.Float) -> mi.Float:
-        """Return τ of points `height` [m] above the source: the share by which a ray takes longer than a straight line.
-        """
-        node, fx, fz = self._node(horizontal_range, dr.opaque(mi.Float, self.depth) - height)
-        near, below, far, far_below = (dr.gather(mi.Float, self._table, 4 * (node + step))
+    def _one(self, number: int, horizontal_range: mi.Float, depth: mi.Float) -> mi.Float:
+        """Return one of the four numbers of `values` at horizontal ranges and depths [m]."""
+        node, fx, fz = self._node(horizontal_range, depth)
+        near, below, far, far_below = (dr.gather(mi.Float, self._table, 4 * (node + step) + number)
                                        for step in (0, 1, DEPTHS, DEPTHS + 1))
         low, high = near + (below - near) * fz, far + (far_below - far) * fz
         return low + (high - low) * fx
 
+    def lateness(self, horizontal_range: mi.Float, height: mi.Float) -> mi.Float:
+        """Return τ of points `height` [m] above the source: the share by which a ray takes longer than a straight line.
+        """
+        return self._one(0, horizontal_range, dr.opaque(mi.Float, self.depth) - height)
+
     def launch_rise(self, horizontal_range: mi.Float, height: mi.Float) -> mi.Float:
         """Return sin θ_0, positive up, of the rays to points `height` [m] above the source."""
-        _, launch, _, _ = self.values(horizontal_range, dr.opaque(mi.Float, self.depth) - height)
+        launch = self._one(1, horizontal_range, dr.opaque(mi.Float, self.depth) - height)
         return height * dr.rsqrt(height * height + dr.square(dr.maximum(horizontal_range, NEAREST))) + launch
 
     def curvatures(self, horizontal_range: mi.Float, height: mi.Float) -> tuple[mi.Float, mi.Float]:
@@ -118,8 +123,8 @@ class EigenrayTable:
         R = dr.sqrt(dr.fma(x, x, height * height))
         depth = dr.opaque(mi.Float, self.depth) - height
         before, after = dr.maximum(x - step, 0), x + step
-        bent = (self.values(after, depth)[1] - self.values(before, depth)[1]) / (after - before)
-        rise = height / R + self.values(x, depth)[1]
+        bent = (self._one(1, after, depth) - self._one(1, before, depth)) / (after - before)
+        rise = height / R + self._one(1, x, depth)
         level = dr.sqrt(dr.maximum(1 - rise * rise, 0))
         across = level / x
         within = (height * x / (R * R * R) - bent) / (rise * level)

@@ -355,9 +355,9 @@ def _sent(place, label, out, back, between, amplitude, path, active):
     """Yield the active echoes with ping and label; without `back`, they return along the way out."""
     energy = dr.square(amplitude[0]) + dr.square(amplitude[1])
     echoes = Echoes(out=out, back=out if back is None else back, between=between, energy=energy, amplitude=amplitude,
-                    path=path).evaluated()
+                    path=path)
     active &= dr.isfinite(energy)
-    dr.eval(active, label, place)
+    dr.eval(echoes, active, label, place)      # in one kernel, so that obstacles are not searched for twice
     index = compressed(active)
     if dr.width(index):
         yield (dr.gather(mi.UInt32, place, index), dr.gather(mi.UInt32, label, index),

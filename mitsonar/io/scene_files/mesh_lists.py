@@ -136,8 +136,9 @@ def _statement(given: Mapping[str, Any], where: str) -> MeshStatement:
         raise ValueError(f"{where}: scale is {scale!r:.100}; give metres per unit of the file, such as 0.001")
     if "unit" in given and "scale" in given:
         raise ValueError(f"{where}: unit and scale are given; leave one out")
-    if name is not None and ("." in name or name.strip() != name):
-        raise ValueError(f"{where}: class is {name!r}; give a name without dots, and without spaces at its ends")
+    if name is not None and ("." in name or name.strip() != name or name.endswith(" shadow")):
+        raise ValueError(f"{where}: class is {name!r}; give a name without dots, without spaces at its ends, and "
+                         "without \" shadow\", by which labels name the shadows of a class")
     return MeshStatement(class_name=name, scale=UNITS[given.get("unit", "m")] * scale, up=given.get("up", "z"),
                          **{key: given.get(key, NOT_STATED) for key in ("licence", "author", "source")})
 

@@ -22,6 +22,7 @@ from mitsonar.echoes.scatterers.scatterers import Cells, Scatterers
 from mitsonar.echoes.scatterers.thinned_scatterers import Density, ThinnedScatterers, Useful
 from mitsonar.echoes.sights.eigenray_table import EigenrayTable, TableLegs
 from mitsonar.echoes.sonar_equation import GRAZING, along_legs
+from mitsonar.propagation.device_rays.ray_fans import RayFans
 from mitsonar.scene.labels import OBJECT, SEABED
 from mitsonar.scene.materials import scattering_strength
 from mitsonar.scene.shadows.bed_cover import bed_height, covered
@@ -80,12 +81,12 @@ class Ground:
         table = self._table_of(-float(density.origin[2]))
         scatterers, exist = self._scatterers.at(patch, number, density)
         offset = scatterers.point - opaque_vector(self._lib.Array3f64, density.origin)
-        legs = self._through_field(table.legs(offset), offset, density.origin, table)
+        legs = self.through_field(table.legs(offset), offset, density.origin, table)
         energy = self._energy(scatterers, exist & legs.exists, legs, table)
         return LitScatterers(scatterers=scatterers, offset=offset, legs=legs, energy=energy,
                              state=self._state(scatterers, legs, table, density.origin, energy > 0))
 
-    def _through_field(self, legs: TableLegs, offset: dr.ArrayBase, origin: np.ndarray,
+    def through_field(self, legs: TableLegs, offset: dr.ArrayBase, origin: np.ndarray,
                        table: EigenrayTable) -> TableLegs:
         """Return legs with what the water's field adds to their times, and turns their waves by at the sonar."""
         water = self.ensonification.water
@@ -129,6 +130,13 @@ class Ground:
         None if nothing is known without rays.
         """
         return self._horizon.under(origin)
+
+    def fans(self, origin: np.ndarray) -> RayFans:
+        """Return rays that leave a place (3,) [m], by chords fine enough to decide if something is in the way."""
+        depth = -float(origin[2])
+        if self._objects.exist:
+            return self._objects.sources(depth).ray_fans
+        return self.ensonification.tracer.sources([depth]).shadow_fans
 
     def table(self, ping: int) -> EigenrayTable:
         """Return the table of eigenrays of a ping."""

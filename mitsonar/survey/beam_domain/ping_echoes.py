@@ -11,17 +11,16 @@ sonar that only turns can keep them from ping to ping.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mitsonar.device.arrays import arrays_of, compressed, held, upload
+from mitsonar.device.arrays import arrays_of, compressed, held, opaque_vector, upload
 from mitsonar.device.chance import ping_key
-from mitsonar.echoes.record import Echoes
 from mitsonar.echoes.scatterers.element_beams import ElementBeams
 from mitsonar.echoes.scatterers.thinned_scatterers import Density, TransmitLobe, Useful
 from mitsonar.signal.doppler import Glide, ResidualDoppler, residual_doppler
@@ -34,35 +33,8 @@ from .ground import FREE, HIDDEN_BY_OBJECT, Ground
 from .line import LineArray
 from .lobe_rays import LobeRays
 from .patterns import Patterns
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PlacedEchoes:
-    """Echoes back at the place of the sonar at the transmission, without its beams, on the device."""
-
-    sent: mi.Vector3f  # (R,), unit vector of the way out, scene
-    towards: mi.Vector3f  # (R,), unit vector along the way back, from the sonar, scene
-    out_distance: mi.Float  # (R,) [m]
-    back_distance: mi.Float  # (R,) [m]
-    out_time: mi.Float64  # (R,) [s], until the last scatterer
-    back_time: mi.Float64  # (R,) [s], from the last scatterer
-    out_offset: dr.ArrayBase  # (R,) [m], of the first scatterer, from the sonar
-    back_offset: dr.ArrayBase  # (R,) [m], of the last scatterer, from the sonar
-    energy: mi.Float  # (R,), mean square of the amplitude for a source level of 0 dB, without shadows
-    real: mi.Float  # (R,), amplitude over the root of the energy
-    imaginary: mi.Float  # (R,), amplitude over the root of the energy
-    state: mi.UInt32  # (R,), as of `GridEchoes`
-    label: mi.UInt32  # (R,), as of `GridEchoes`
-    shift: mi.Float | None = None  # (R,), Doppler factor of the scatterers' own motion minus 1; None: nothing moves
-    folded: tuple[bool, bool] = (False, False)  # True if the way out, the way back is by way of the surface
-
-    def chosen(self, index: mi.UInt32) -> PlacedEchoes:
-        """Return the echoes at an index."""
-        columns = {name: value for name, value in vars(self).items() if name != "folded" and value is not None}
-        # columns that share an array also share the result
-        taken = {id(value): dr.gather(type(value), value, index) if dr.width(value) > 1 else value
-                 for value in columns.values()}
-        return replace(self, **{name: taken[id(value)] for name, value in columns.items()})
+from .placed_echoes import PlacedEchoes
+from .water import WaterPoints
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -110,6 +82,8 @@ class PingEchoes:
         self._from_origin = beams_from_origin
         self.lib, self.patterns = arrays_of(mi.Float), Patterns(survey, line)
         self.ground = Ground(survey, None if beside is None else beside.ground)
+        points = self.ground.ensonification.ghosts.water
+        self._water = None if points is None else WaterPoints(self.ground, points)
         self._beams = ElementBeams(survey.transmit, survey.receive, survey.wavelength) or None
         self._residual = _on_device(residual_doppler(survey.pulse))
         self._reception: tuple[int, Reception] | None = None
@@ -245,25 +219,32 @@ class PingEchoes:
     def targets(self, ping: int) -> Iterator[tuple[mi.UInt32, PlacedEchoes]]:
         """Yield the numbers of instances, and their echoes whose phases are not random, around the place of a ping."""
         for label, echoes in self.ground.ensonification.coherent_echoes(self.survey.track.position[ping]):
-            yield label, _placed(echoes)
+            yield label, PlacedEchoes.of(echoes)
 
     def mirrored(self, ping: int, everywhere: bool = False) -> Iterator[PlacedEchoes]:
         """Yield the echoes of scatterers by way of a flat mirroring surface; see `scatterers`."""
         density = self._density(ping)
         for cells in self.ground.mirrored(density, _all_of_them if everywhere else self.useful(ping)):
             for echoes in self.ground.ensonification.mirrored_echoes(density.origin, cells):
-                yield _placed(echoes)
+                yield PlacedEchoes.of(echoes)
 
     def by_chance(self, ping: int, seed: int) -> Iterator[PlacedEchoes]:
         """Yield the random echoes: those of the water and of more bounces."""
-        reception = self.reception(ping)
+        reception, ensonification = self.reception(ping), self.ground.ensonification
         origin, below = self.survey.track.position[ping], float(self.survey.depth_below[ping])
-        key, lobe, drawn = ping_key(seed, ping), self._steered_lobe(reception), None
-        if lobe is not None:
-            drawn = partial(self._lobe_rays.draw, reception.rotation, lobe.sine, key)
-        for echoes in self.ground.ensonification.random_echoes(origin, reception.rotation, below, key, drawn,
-                                                               self.ground.under_bed(origin)):
-            yield _placed(echoes)
+        key, lobe = ping_key(seed, ping), self._steered_lobe(reception)
+        for echoes in ensonification.bounced_echoes(origin, reception.rotation, below, key):
+            yield PlacedEchoes.of(echoes)
+        if self._water is None:
+            return
+        if lobe is None:
+            rays = ensonification.drawn_rays.draw(opaque_vector(self.lib.Array3f64, origin), reception.rotation, None,
+                                                  key)
+        else:
+            rays = self._lobe_rays.draw(reception.rotation, lobe.sine, key)
+        placed = self._water.around(origin, rays, key)
+        if placed is not None:
+            yield placed
 
     @cached_property
     def _lobe_rays(self) -> LobeRays:
@@ -331,19 +312,6 @@ class PingEchoes:
 
 def _all_of_them(direction: mi.Vector3f, distance: mi.Float, wider: mi.Float | float = 0.0) -> mi.Bool:
     return mi.Bool(True)
-
-
-def _placed(echoes: Echoes) -> PlacedEchoes:
-    """Return echoes of the ensonification, whose legs are exact, as `PlacedEchoes`."""
-    out, back, nothing = echoes.out, echoes.back, dr.zeros(mi.UInt32, echoes.count)
-    root = dr.rsqrt(dr.maximum(echoes.energy, 1e-38))
-    real, imaginary = (part * root for part in echoes.amplitude)
-    return PlacedEchoes(
-        sent=mi.Vector3f(out.sent_towards), towards=mi.Vector3f(back.sent_towards),
-        out_distance=mi.Float(dr.norm(out.offset)), back_distance=mi.Float(dr.norm(back.offset)),
-        out_time=echoes.arrival, back_time=back.travel_time, out_offset=out.offset, back_offset=back.offset,
-        energy=echoes.energy, real=real, imaginary=imaginary, state=nothing, label=nothing, shift=echoes.shift,
-        folded=(out.folded, back.folded))
 
 
 class _RowDoppler:

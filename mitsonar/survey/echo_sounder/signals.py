@@ -26,7 +26,8 @@ from mitsonar.units import amplitude_from_db, db_from_power
 from ..beam_domain.blur import OneBeam
 from ..beam_domain.frames import LaidPing, LineFrames, add
 from ..beam_domain.line import LineArray
-from ..beam_domain.ping_echoes import GridEchoes, PingEchoes, PlacedEchoes, TargetEchoes
+from ..beam_domain.ping_echoes import GridEchoes, PingEchoes, TargetEchoes
+from ..beam_domain.placed_echoes import PlacedEchoes
 from ..beam_domain.truth import FrameTruth
 from ..pressure.array_survey import ArraySurvey
 

@@ -18,6 +18,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from mitsonar.device.arrays import entries
 from mitsonar.device.chance import Salt, seeded
 from mitsonar.device.types import Vector
 from mitsonar.echoes.bounces.ghosts import Ghosts
@@ -73,16 +74,17 @@ class SideMultipath:
     def _add(self, place: Place, rays: SideRays, followed: Iterator[Ghosts], sums: EchoSums) -> None:
         """Add ghosts as the faces send and receive them."""
         for ghosts in followed:
+            ping, side, row = entries([rays.ping, rays.side, rays.row], ghosts.ray)
             elapsed = ghosts.out.travel_time + ghosts.between + ghosts.back.travel_time
-            received = place.receive(rays.ping, ghosts.back.sent_towards, ghosts.back.offset, elapsed)
+            received = place.receive(ping, ghosts.back.sent_towards, ghosts.back.offset, elapsed)
             bin, inside = self._bins.of(received.delay, ghosts.active)
             pattern = mi.Float(1)
             for towards, face in ((ghosts.out.sent_towards, self._beams.transmit),
                                   (received.towards, self._beams.receive)):
-                body = place.body(rays.ping, towards)
-                inside &= body.y * rays.side > 0
+                body = place.body(ping, towards)
+                inside &= body.y * side > 0
                 pattern *= self._beams.one_way(body, face)
-            sums.add(row=rays.row, label=ghosts.label, bin=bin, active=inside, in_beam=mi.Bool(False), counted=False,
+            sums.add(row=row, label=ghosts.label, bin=bin, active=inside, in_beam=mi.Bool(False), counted=False,
                      units=self._bins.units(ghosts.energy * pattern, ghosts.loss_db, bin, inside), depth=ghosts.depth,
                      path=self._paths.numbers(ghosts.code))
 

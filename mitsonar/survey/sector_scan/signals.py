@@ -29,7 +29,8 @@ from mitsonar.units import power_from_db
 from ..beam_domain.frames import add, line_beams
 from ..beam_domain.ground import FREE
 from ..beam_domain.line import LineArray
-from ..beam_domain.ping_echoes import PingEchoes, PlacedEchoes
+from ..beam_domain.ping_echoes import PingEchoes
+from ..beam_domain.placed_echoes import PlacedEchoes
 from ..pressure.array_survey import ArraySurvey
 from ..survey import PerSurroundings
 
