@@ -9,12 +9,16 @@ s_j -> ``sine`` of the direction of arrival (at reception, body frame), τ_j -> 
 `pulse_response`. (1) is delay-and-sum focused at every range but for the phase k x_n² (s_j² - s_b²)/2R, which vanishes
 in the main lobe. In s it is a convolution: two FFTs each way, whatever the number of echoes and elements.
 
+A single element at the origin has W = 1: its beams are all alike, the sum of the rows over k̂_u(0). Rows with one
+Doppler factor are added before F_t, and the noise is drawn once for each frequency.
+
 Rows are steps of sine fine enough for the line; beams at any sines are read from them by the bell that spread the
 echoes. The transforms take rows modulo a period, so long that no echo comes round into a beam.
 """
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import drjit as dr
 import numpy as np
@@ -29,7 +33,7 @@ from ..impulses import BandLimited, Bell
 from .grids import MARGIN, BeamGrid, GridShape
 from .kernels import Noise, Reading, Sizes, Waves, by_beam, by_frequency, through_the_line
 from .line_response import FADE, FINER, OVERSAMPLING, ResponseRows, response_of, stride_of
-from .noise import NoiseDensity
+from .noise import NoiseDensity, gaussians
 from .pulse_response import PulseResponse
 from .transforms import transformed
 
@@ -58,6 +62,8 @@ class LineBeams:
         wavenumber = (pulse.frequency + self.pulse.offset) / sound_speed
         weights = np.atleast_2d(weight)
         self._stride = stride_of(position, weights)
+        # W of a single element at the origin; None of other lines
+        self._alone = weights[0, 0] / abs(weights[0, 0]) if weights.size == 1 and not position.any() else None
         self._within = float(self.sines.min()), float(self.sines.max())
         steps, self.period = _rows(position, wavenumber, _farthest(*self._within), self._stride)
         _check_size(len(position), steps, self.period, len(wavenumber))
@@ -97,6 +103,10 @@ class LineBeams:
         factors = np.ones(2) if doppler is None else np.asarray(doppler, float)
         row_factors = np.interp(self._row_sines, np.linspace(-1, 1, len(factors)), factors)
         rows, waves = (None, [None] * len(self.lines)) if noise is None else self._noise_tables(noise)
+        kept = slice(MARGIN + self.lead, MARGIN + self.samples)
+        if self._alone is not None:
+            beam = self._of_element(grid.taken(), row_factors, waves[0], salted(key, Salt.BEAM_NOISE))[kept]
+            return np.broadcast_to(beam, (1, read.beams, len(beam)))
         on_rows = None
         if rows is not None:
             bell = tuple(self.line.bell.impulse([0, 1]).tolist())
@@ -111,7 +121,24 @@ class LineBeams:
             by_beam(transformed(through, period, inverse=True), sizes, period, read, turn, beams, number)
         whole = transformed(beams, self.length, inverse=True).numpy().view(np.complex64)
         whole = whole.reshape(len(self.lines), -1, self.length)
-        return whole[:, :, MARGIN + self.lead:MARGIN + self.samples]
+        return whole[:, :, kept]
+
+    def _of_element(self, sums: Float, factors: np.ndarray, noise: Float | None, key: int) -> np.ndarray:
+        """Return the record (length,) of a single element from a grid's sums; `noise` (F,) is the root of its power."""
+        U, length = self.lib.UInt32, self.length
+        if not np.ptp(factors):
+            factors = factors[:1]
+            sums = upload(self.lib.Float, sums.numpy().view(np.complex64).reshape(-1, length).sum(0).view(np.float32))
+        sizes = replace(self._sizes, rows=len(factors), period=len(factors))
+        rows = by_frequency(transformed(sums, length), sizes, self.pulse.transfers(factors), None)
+        whole = rows.numpy().view(np.complex64).reshape(-1, len(factors)).sum(1)
+        whole *= np.complex64(self._alone / self.line.bell.spectrum(0.0))
+        if noise is not None:
+            real, imaginary = gaussians(self.lib, dr.arange(U, len(whole)), dr.opaque(U, key))
+            whole += noise.numpy() * (real.numpy() + 1j * imaginary.numpy())
+        record = np.zeros(length, np.complex64)
+        record[self.pulse.used] = whole
+        return fft.ifft(record, overwrite_x=True)
 
     # -- tables ----------------------------------------------------------------------------------------------------
 
@@ -146,15 +173,19 @@ class LineBeams:
             band = self._rate * self.length
             rows: Float | None = None
             waves: list[Float | None] = [None] * len(self.lines)
-            if noise.ambient:
-                # rows at the very ends count half
-                inside = np.clip((1 - np.abs(self._row_sines)) / self.shape.step + 0.5, 0, 1)
-                power = 0.5 * self.shape.step * inside
-                rows = upload(self.lib.Float, np.sqrt(noise.ambient_at(self._row_sines) * band * power))
-            if noise.own:
+            # rows at the very ends count half
+            inside = np.clip((1 - np.abs(self._row_sines)) / self.shape.step + 0.5, 0, 1)
+            ambient = noise.ambient_at(self._row_sines) * band * (0.5 * self.shape.step * inside)
+            replica = np.abs(self.pulse.replica)
+            if self._alone is not None:
+                size = replica * np.sqrt(ambient.sum() + noise.own_of_lines * band)
+                waves = [upload(self.lib.Float, size.astype(np.float32))]
+            elif noise.ambient:
+                rows = upload(self.lib.Float, np.sqrt(ambient))
+            if noise.own and self._alone is None:
                 for number, line in enumerate(self.lines):
                     power = noise.own_of_lines * band * line.rows.period * line.own_noise(float(np.ptp(self.sines)))
-                    size = np.abs(self.pulse.replica)[:, None] * np.sqrt(power)
+                    size = replica[:, None] * np.sqrt(power)
                     waves[number] = upload(self.lib.Float, size.astype(np.float32))
             self._drawn = noise, rows, waves
         return self._drawn[1:]
