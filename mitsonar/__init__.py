@@ -18,7 +18,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from mitsonar.device import llvm
-from mitsonar.device.lazy import attach
+from mitsonar.device.lazy import attach, when_called
 from mitsonar.version import __version__ as __version__
 
 if TYPE_CHECKING:                                        # for annotations alone
@@ -55,6 +55,8 @@ class _FirstImport:
         def execute_between(module: "ModuleType") -> None:
             llvm.check()
             execute(module)
+            if name == "drjit":        # Mitsuba and mitsonar decorate dozens of functions, and a command calls a few
+                vars(module)["syntax"] = when_called(vars(module)["syntax"])
             if name == "mitsuba" and cls in sys.meta_path:
                 if sys.modules[name] is not module:
                     # Mitsuba put another module in its place; a thread that waited meanwhile has got this one.

@@ -121,7 +121,8 @@ class RenderedImage:
 
 def rendered(plan: Plan, index: int) -> SonarImage:
     """Render an image of a plan, with further draws as a sweep makes them; `ValueError` if its scene is refused."""
-    from mitsonar.verbs.images import load_file, render
+    from mitsonar.scene.loading import load_file
+    from mitsonar.verbs.images import render
 
     with _within(os.path.dirname(plan.path)):          # where a sweep's files are searched, too
         for again in range(1 + (MOST_REDRAWN if plan.redraw else 0)):

@@ -6,12 +6,16 @@ from __future__ import annotations
 
 import ast
 import contextlib
+import functools
 import gc
 import importlib
 import sys
 import threading
 from collections.abc import Callable, Iterator
+from importlib import util
+from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 # NumPy and others may fail if threads import parts of them at once, so first uses take turns. The plugins need a lock
@@ -27,6 +31,7 @@ def begin_command(objects: int = 200_000) -> None:
 
     The first collection of garbage is put off until there are so many objects, more than the start makes, and what it
     made is not looked through again; then collections are as usual. xarray imports Dask only where Dask is in use.
+    SciPy leaves alone what it only passes on or documents.
     """
     global _of_command
     _of_command, usual = True, gc.get_threshold()
@@ -39,6 +44,69 @@ def begin_command(objects: int = 200_000) -> None:
 
     gc.callbacks.append(go_on)
     gc.set_threshold(objects, *usual[1:])
+    sys.meta_path.insert(0, _ScipyOnly)
+
+
+class _ScipyOnly:
+    """Leave out of SciPy's import what no command uses, a tenth of a second.
+
+    SciPy imports all names of NumPy, of which two are packages of build tools and tests: they are imported when used.
+    And it parses the text of hundreds of its functions, to add a note to each.
+    """
+
+    @classmethod
+    def find_spec(cls, name: str, path: Any = None, target: ModuleType | None = None) -> ModuleSpec | None:
+        if name not in ("numpy.f2py", "numpy.testing", "scipy._lib._array_api", "matplotlib.artist"):
+            return None
+        spec = PathFinder.find_spec(name, path, target)
+        if spec is None or spec.loader is None:
+            return spec
+        if name.startswith("numpy"):
+            spec.loader = util.LazyLoader(spec.loader)
+        else:
+            execute = spec.loader.exec_module
+
+            def without_texts(module: Any) -> None:
+                execute(module)
+                if hasattr(module, "xp_capabilities"):
+                    module.xp_capabilities = lambda **_: lambda function: function
+                if hasattr(module, "kwdoc"):
+                    module.kwdoc = lambda _: ""
+
+            spec.loader.exec_module = without_texts
+        return spec
+
+
+def when_called(decorator: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a decorator of functions that rewrites a function at its first call, if there is one."""
+    if not _of_command:
+        return decorator
+
+    def put_off(function: Callable[..., Any] | None = None, **options: bool) -> Callable[..., Any]:
+        if function is None:
+            return functools.partial(put_off, **options)
+        rewritten = functools.cache(lambda: decorator(function, **options))
+        return functools.wraps(function)(lambda *arguments, **named: rewritten()(*arguments, **named))
+
+    return put_off
+
+
+@functools.cache
+def module_alone(package: str, path: str) -> ModuleType:
+    """Import a module of a package without what the package itself imports, by its path in the package's folder.
+
+    If the package is there already, or has no such file, it is the package itself that is returned.
+    """
+    spec = None if package in sys.modules else util.find_spec(package)
+    for folder in (spec and spec.submodule_search_locations) or ():
+        file = Path(folder, path)
+        if file.is_file():
+            alone = util.spec_from_file_location(f"{package}.{file.stem} alone", file)
+            assert alone is not None and alone.loader is not None
+            module = util.module_from_spec(alone)
+            alone.loader.exec_module(module)
+            return module
+    return importlib.import_module(package)
 
 
 @contextlib.contextmanager

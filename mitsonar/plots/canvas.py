@@ -1,10 +1,11 @@
 """Sheets of all plots: figures without pyplot's global state, colours, titles, axes in metres, scale bars and files."""
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from contextvars import ContextVar
-from typing import Any, Literal, cast
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 import numpy as np
-import xarray as xr
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -19,12 +20,14 @@ from matplotlib.patches import Patch
 from matplotlib.text import Text
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 from matplotlib.typing import ColorType
-from scipy import ndimage
 
 from mitsonar.device.files import FilePath, check_writable, checked_suffix, replacing
 from mitsonar.units import khz_from_hertz
 
 from .images.grid import ONLY_SIDE, PlotGrid
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 def title(dataset: xr.Dataset) -> str:
@@ -255,6 +258,8 @@ def colour_bar(drawn: AxesImage, axes: Axes, label: str, extend: Literal["neithe
 
 def outline(mask: np.ndarray) -> np.ndarray:
     """Return a mask of the outline around a mask; the masked pixels themselves stay visible."""
+    from scipy import ndimage
+
     return np.asarray(ndimage.binary_dilation(mask, iterations=2), bool) & ~mask
 
 

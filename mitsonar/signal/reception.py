@@ -15,8 +15,8 @@ from collections.abc import Callable, Sequence
 from functools import lru_cache
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy import fft
 
 from mitsonar.sonar.pulses.pulse import Pulse
 from mitsonar.units import amplitude_from_db
@@ -110,18 +110,18 @@ def received_classes(responses: ArrayLike, pulse: Pulse, sampling_rate: float,
     for factor in doppler:
         check_record(pulse, sampling_rate, samples, factor)
     length = padded_length(samples, pulse.duration / min(doppler), sampling_rate)
-    keep = band_filter(fft.fftfreq(length, 1 / sampling_rate), sampling_rate)
+    keep = band_filter(scipy.fft.fftfreq(length, 1 / sampling_rate), sampling_rate)
     total: np.ndarray | int = 0
     for response, factor in zip(responses, doppler):
         transfer = keep * pulse.spectrum(sampling_rate, length, factor)
-        spectrum = fft.fft(response, length)
+        spectrum = scipy.fft.fft(response, length)
         total = total + spectrum * transfer.astype(spectrum.dtype)
-    return fft.ifft(np.asarray(total), overwrite_x=True)[..., :samples]
+    return scipy.fft.ifft(np.asarray(total), overwrite_x=True)[..., :samples]
 
 
 def padded_length(samples: int, longest: float, sampling_rate: float) -> int:
     """Return the length of an FFT that holds a record of `samples` and a filter of `longest` [s] without wrapping."""
-    return fft.next_fast_len(samples + int(np.ceil(longest * sampling_rate)) + 2 * GUARD)
+    return scipy.fft.next_fast_len(samples + int(np.ceil(longest * sampling_rate)) + 2 * GUARD)
 
 
 def transposed(filtered: Callable[[np.ndarray], np.ndarray], weights: np.ndarray) -> np.ndarray:
@@ -156,8 +156,8 @@ def delayed(signals: ArrayLike, delay: ArrayLike, sampling_rate: float, frequenc
     samples = signals.shape[-1]
     spectrum, shift = _shifted(signals, delay, sampling_rate, frequency)
     if rate:
-        spectrum *= -2j * np.pi * (frequency + fft.fftfreq(spectrum.shape[-1], 1 / sampling_rate))
-    return fft.ifft(spectrum * shift, overwrite_x=True)[..., :samples]
+        spectrum *= -2j * np.pi * (frequency + scipy.fft.fftfreq(spectrum.shape[-1], 1 / sampling_rate))
+    return scipy.fft.ifft(spectrum * shift, overwrite_x=True)[..., :samples]
 
 
 def transmitted(response: ArrayLike, weight: ArrayLike, delay: ArrayLike, sampling_rate: float,
@@ -185,7 +185,7 @@ def transmitted(response: ArrayLike, weight: ArrayLike, delay: ArrayLike, sampli
     samples = response.shape[-1]
     spectrum, shift = _shifted(response, np.asarray(delay, float)[:, None], sampling_rate, frequency)
     spectrum *= shift * weight[:, None, None].astype(shift.dtype)
-    return fft.ifft(spectrum.sum(-3), overwrite_x=True)[..., :samples]
+    return scipy.fft.ifft(spectrum.sum(-3), overwrite_x=True)[..., :samples]
 
 
 def _shifted(signals: np.ndarray, delay: np.ndarray, sampling_rate: float,
@@ -193,8 +193,8 @@ def _shifted(signals: np.ndarray, delay: np.ndarray, sampling_rate: float,
     """Return the padded spectrum of the signals, and the phases that delay it."""
     longest = float(np.max(np.abs(delay), initial=0))
     length = padded_length(signals.shape[-1], longest, sampling_rate)
-    spectrum = fft.fft(signals, length)
-    cycles = delay[..., None] * (frequency + fft.fftfreq(length, 1 / sampling_rate))
+    spectrum = scipy.fft.fft(signals, length)
+    cycles = delay[..., None] * (frequency + scipy.fft.fftfreq(length, 1 / sampling_rate))
     return spectrum, np.exp(-2j * np.pi * cycles).astype(spectrum.dtype)
 
 
@@ -239,8 +239,8 @@ def absorbed(response: ArrayLike, sampling_rate: float, frequency: float,
     steps = max(1, int(np.ceil(rate * samples / sampling_rate / np.sqrt(8 * INTERPOLATION_ERROR))))
     step = -(-samples // steps)
     window = np.pad((1 - np.abs(np.arange(2 * step) / step - 1)).astype(real), GUARD)
-    length = fft.next_fast_len(2 * step + 2 * GUARD)
-    offset = fft.fftfreq(length, 1 / sampling_rate)
+    length = scipy.fft.next_fast_len(2 * step + 2 * GUARD)
+    offset = scipy.fft.fftfreq(length, 1 / sampling_rate)
     rates = _kept_rate(offset.tobytes(), sampling_rate, frequency, absorption_db, sound_speed)
     edges = [(0, 0)] * (response.ndim - 1)
     source = np.pad(response, [*edges, (step + GUARD, 2 * step + GUARD)])   # begins so much before the record
@@ -248,7 +248,8 @@ def absorbed(response: ArrayLike, sampling_rate: float, frequency: float,
     for first in range(0, samples + step, step):                        # window rises from first - step, peaks at first
         cut = source[..., first:first + 2 * (step + GUARD)]
         loss = np.exp(-rates * (start + first / sampling_rate)).astype(real)
-        piece = fft.ifft(fft.fft(cut if transposed else cut * window, length) * loss)[..., :2 * (step + GUARD)]
+        spectrum = scipy.fft.fft(cut if transposed else cut * window, length)
+        piece = scipy.fft.ifft(spectrum * loss)[..., :2 * (step + GUARD)]
         sums[..., first:first + 2 * (step + GUARD)] += piece * window if transposed else piece
     return sums[..., step + GUARD:step + GUARD + samples]
 

@@ -7,23 +7,24 @@ transmitting array it is the beam's.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from mitsonar.imaging.fan import fan_directions
 from mitsonar.sonar.arrays.array import Array
 from mitsonar.sonar.arrays.beam_patterns import beam_pattern
 from mitsonar.units import db_from_power
 
 from .energy.sidescan_survey import SidescanSurvey
-from .fan.kind import ArraySensor
-from .interferometric.plan import InterferometricSurvey
-from .multibeam.plan import MultibeamSensor
 from .pressure.array_survey import ArraySurvey
 from .sensor import Sensor
 from .soundings.survey import SwathSurvey
 from .survey import Survey
+
+if TYPE_CHECKING:                                        # of kinds of sonar that a scene may not have
+    from .fan.kind import ArraySensor
+    from .interferometric.plan import InterferometricSurvey
+    from .multibeam.plan import MultibeamSensor
 
 FANS = "array", "forward_looking"
 FAN, AROUND = 61, 48               # views of a fan, and of a beam that looks down
@@ -58,14 +59,17 @@ def views_of(survey: Survey, sensor: Sensor) -> Views:
         edges = np.array([[-beams.min()], [beams.max()]])
         return Views(frequency=survey.frequency, azimuth=SIDES, depression=depression,
                      level_db=np.where(np.pi / 2 - depression <= edges, 0.0, FAINTEST_DB),
-                     stabilised=cast(MultibeamSensor, sensor).stabilised[0])
+                     stabilised=cast("MultibeamSensor", sensor).stabilised[0])
     if isinstance(survey, SidescanSurvey):
         across = survey.sonar.across_intensity(np.sin(depression - survey.sonar.depression_angle))
         return _relative(survey.sonar.frequency, SIDES, depression, np.stack([across, across]))
-    if isinstance(survey, InterferometricSurvey):
-        starboard = _patterns(survey.sides[1], SIDES[1:], depression)
-        return _relative(survey.sides[1].frequency, SIDES, depression, np.repeat(starboard, 2, 0))
-    survey, width = cast(ArraySurvey, survey), cast(ArraySensor, sensor).fan_width if sensor.kind in FANS else 0.0
+    if sensor.kind == "interferometric":
+        sides = cast("InterferometricSurvey", survey).sides
+        starboard = _patterns(sides[1], SIDES[1:], depression)
+        return _relative(sides[1].frequency, SIDES, depression, np.repeat(starboard, 2, 0))
+    from mitsonar.imaging.fan import fan_directions
+
+    survey, width = cast(ArraySurvey, survey), cast("ArraySensor", sensor).fan_width if sensor.kind in FANS else 0.0
     return _of_array(survey, fan_directions(survey.receive, FAN if width else 1, width)[1], depression)
 
 

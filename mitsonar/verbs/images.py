@@ -1,7 +1,6 @@
 """Images, soundings, impulse responses and element signals of a scene."""
 from __future__ import annotations
 
-import importlib.metadata
 import operator
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -23,12 +22,13 @@ from mitsonar.io.tracks import tides
 from mitsonar.io.tracks.tides import Tide
 from mitsonar.scene.alterations import altered
 from mitsonar.scene.errors import as_exception
-from mitsonar.scene.loading import load_file, prepare
-from mitsonar.survey.integrator import SoundIntegrator, integrator_of
+from mitsonar.survey.integrator import SoundIntegrator
 from mitsonar.survey.kinds import check_frames, check_parts, sounder_kind_of
-from mitsonar.survey.sensor import Sensor, sonar_of
+from mitsonar.survey.sensor import Sensor
 from mitsonar.version import __version__
 from mitsonar.water.profile import SoundSpeedProfile
+
+from .opening import opened
 
 if TYPE_CHECKING:                                        # of kinds of sonar that a scene may not have
     from mitsonar.survey.pressure.array_survey import ArraySurvey
@@ -353,33 +353,6 @@ def pings(scene: mi.Scene | FilePath, *, sensor: int | str = 0) -> int:
     return integrator.survey(scene, sonar).track.pings
 
 
-def opened(scene: mi.Scene | FilePath, sensor: int | str = 0,
-           parameters: Mapping[str, object] | None = None) -> tuple[mi.Scene, Sensor, SoundIntegrator]:
-    """Return the scene, loaded if it is a path, the sensor of a number or id, and the integrator of sound."""
-    sensor = sensor if isinstance(sensor, str) else operator.index(sensor)
-    prepare()
-    if not isinstance(scene, mi.Scene):
-        if not isinstance(scene, (str, os.PathLike)):
-            raise TypeError(f"expected a scene of the variant {mi.variant()} or the path of a file, got a "
-                            f"{type(scene).__name__}; load the scene after mi.set_variant")
-        scene = load_file(scene, **(parameters or {}))
-    elif parameters:
-        raise TypeError(f"{', '.join(parameters)}: no argument has this name, and this scene is already loaded, so it "
-                        "takes no parameters; give them to mitsonar.load_file")
-    sensors = scene.sensors()
-    if not sensors:
-        raise ValueError("the scene has no sensor; write <sensor type=\"sidescan\"> ... </sensor>")
-    if isinstance(sensor, str):
-        ids = [candidate.id() for candidate in sensors]
-        if sensor not in ids:
-            raise ValueError(f'sensor "{sensor}" was asked for{meant(sensor, ids)}; the scene has {", ".join(ids)}')
-        sensor = ids.index(sensor)
-    if not 0 <= sensor < len(sensors):
-        raise ValueError(f"sensor {sensor} was asked for, but the scene has {len(sensors)}, counted from 0")
-    integrator = integrator_of(scene)
-    return scene, sonar_of(sensors[sensor]), integrator
-
-
 def checked_snippets(snippets: int) -> int:
     """Return a number of samples as an int; raise ValueError if it is out of range."""
     samples = operator.index(snippets)
@@ -437,6 +410,8 @@ def provenance(scene: mi.Scene, sensor: Sensor, survey: Survey) -> dict[str, obj
     known = sensor.provenance or {"file": None, "scene": None, "parameters": {}}
     lengths = {} if passage.planned is None else {"course_sailed": passage.sailed, "course_planned": passage.planned}
     instruction_set = "CUDA" if str(mi.variant()).startswith("cuda") else llvm.instruction_set()
+    import importlib.metadata
+
     versions = {name: importlib.metadata.version(name) for name in ("mitsuba", "drjit", "numpy")}
     return {**known, **lengths, **survey.waters.attributes,
             "altered": None if sensor.loaded is None else altered(scene, sensor.loaded),

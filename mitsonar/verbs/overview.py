@@ -27,7 +27,7 @@ from mitsonar.survey.survey import Survey
 from mitsonar.survey.views import Views, views_of
 from mitsonar.water.profile import SoundSpeedProfile
 
-from .images import opened
+from .opening import opened
 
 SceneOrPath: TypeAlias = "mi.Scene | FilePath"
 EDGE_DB = -20.0                    # two-way level, relative to the axis, down to which a beam counts

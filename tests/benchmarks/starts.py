@@ -20,6 +20,7 @@ import measuring
 SMALL = ["-D", "pings=2", "-D", "rays=1000"]
 COMMANDS = {
     "import mitsonar": ["-c", "import mitsonar"],
+    "--help": ["-m", "mitsonar", "--help"],
     "mitsonar.load_file": ["-c", "import mitsonar; mitsonar.load_file('sidescan_flat')"],
     "describe": ["-m", "mitsonar", "describe", "sidescan_flat"],
     "show": ["-m", "mitsonar", "show", "sidescan_flat", "-o", "{out}.png"],

@@ -70,3 +70,13 @@ def test_a_small_further_turn_follows_the_jacobian(angle):
     np.testing.assert_allclose(matrix, Rotation.from_rotvec(vector).as_matrix(), atol=1e-15)
     wanted = (vector_rotation(vector + step)[0] - vector_rotation(vector - step)[0]) @ VECTOR / 2
     np.testing.assert_allclose(np.cross(jacobian @ step, matrix @ VECTOR), wanted, atol=1e-15)
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-16, 1e-14, 1e-3, 3.0, np.pi])
+def test_rotation_vectors_are_those_of_scipy_but_for_rounding_errors(angle):
+    """Turns below 1e-15 are none; symmetric matrices are no turn, or half a turn."""
+    vectors = angle * np.array([[0.6, 0.0, 0.8], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    matrices = Rotation.from_rotvec(vectors).as_matrix()
+    found = rotation_vector(matrices)
+    assert np.any(found) == (angle > 1e-15)
+    np.testing.assert_allclose(found, Rotation.from_matrix(matrices).as_rotvec(), rtol=0, atol=1e-15)

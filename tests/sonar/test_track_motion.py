@@ -9,6 +9,7 @@ every 0.1 s.
 """
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 from mitsonar.sonar import Track
@@ -255,3 +256,14 @@ def test_a_body_that_tumbles_within_a_ping_is_refused():
                   heading=np.arange(4) * 3.0)
     with pytest.raises(ValueError, match="turns by 171 degrees"):
         Trajectory(lead=Recorded.through(track)).during(track.time, 1.0)
+
+
+@pytest.mark.parametrize("shape", [(), (3,), (2, 3)])
+def test_two_poses_are_joined_as_the_spline_would_bit_for_bit(shape):
+    rng = np.random.default_rng(7)
+    for scale in 10.0 ** np.arange(-8, 8):
+        time, values = np.sort(rng.normal(size=2)), scale * rng.normal(size=(2, *shape))
+        at = 3 * rng.normal(size=(5, 4))
+        spline, inside = CubicSpline(time, values), np.clip(at, *time)
+        beyond = np.reshape(at - inside, inside.shape + (1,) * len(shape)) * spline.derivative()(inside)
+        np.testing.assert_array_equal(SmoothCurve(time, values).at(at), spline(inside) + beyond, strict=True)

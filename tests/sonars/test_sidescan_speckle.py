@@ -15,6 +15,7 @@ wide, cost up to 0.02 more.
 """
 from dataclasses import replace
 
+import drjit as dr
 import numpy as np
 import pytest
 from track_files import write_track
@@ -180,6 +181,16 @@ def test_speckle_has_unit_variance_whatever_the_course():
         speckle, _ = speckle_of(pings=2, heading_deg=heading, yaw_deg=3.0, pitch_deg=5.0, speed_knots=100.0)
         assert np.mean(np.abs(speckle) ** 2) == pytest.approx(1, abs=0.06)
         assert correlation(speckle[0, 0], speckle[0, 1]) == pytest.approx(0, abs=0.12)
+
+
+def test_triangles_of_every_size_are_added_by_one_kernel():
+    """Facets are met whole, as quarters, and as quarters of these; each round adds what need be cut no further."""
+    with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
+        dr.kernel_history_clear()
+        speckle_of(pings=4)
+        added = [kernel["hash"] for kernel in dr.kernel_history() if kernel["type"] == dr.KernelType.JIT
+                 and "scatterers of a triangle" in kernel["ir"].getvalue()]
+    assert len(added) > 2 and len(set(added)) == 1
 
 
 def test_pings_may_be_asked_for_in_any_order():

@@ -4,6 +4,7 @@ It runs on a small copy of the checkout. A script called uv stands for the real 
 writes its calls down, and the environment it makes leads to an interpreter that has the packages. The command itself is
 started by one that has none (python -S).
 """
+import importlib.metadata
 import os
 import re
 import shutil
@@ -369,9 +370,10 @@ def test_the_requirements_are_read_as_a_toml_reader_reads_them(monkeypatch):
     assert bootstrap.missing("test") == []
 
     def lacking(name):
-        raise bootstrap.importlib.metadata.PackageNotFoundError(name)
+        raise importlib.metadata.PackageNotFoundError(name)
 
-    monkeypatch.setattr(bootstrap.importlib.metadata, "version", lacking)
+    monkeypatch.setattr(bootstrap, "_installed", dict)
+    monkeypatch.setattr(importlib.metadata, "version", lacking)
     monkeypatch.setattr(bootstrap.sys, "version_info", (3, 10, 0))
     for extra in extras:
         bootstrap.missing(extra)
@@ -381,8 +383,23 @@ def test_the_requirements_are_read_as_a_toml_reader_reads_them(monkeypatch):
 @pytest.mark.parametrize("installed, unmet", [("3.9.1", False), ("3.9.0", True), ("3.10.0", True), ("0", True)])
 def test_a_pinned_version_is_met_by_itself_only(monkeypatch, installed, unmet):
     versions = {"mitsuba": installed}
-    monkeypatch.setattr(bootstrap.importlib.metadata, "version", lambda name: versions.get(name, "9999"))
+    monkeypatch.setattr(bootstrap, "_installed", dict)
+    monkeypatch.setattr(importlib.metadata, "version", lambda name: versions.get(name, "9999"))
     assert bootstrap.missing() == (["mitsuba==3.9.1"] if unmet else [])
+
+
+def test_versions_by_folders_are_those_of_the_metadata(monkeypatch, tmp_path):
+    """The first folder on Python's path counts, and what an interrupted installation left does not."""
+    found = bootstrap._installed()
+    names = [bootstrap._plain(name.partition("[")[0]) for name, _, _ in bootstrap._requirements("dependencies", "test")]
+    assert {name: found[name] for name in names} == {name: importlib.metadata.version(name) for name in names}
+    for name, files in (("first/Mit_suba-4.dist-info", ["METADATA"]), ("second/mit.suba-5.dist-info", ["METADATA"]),
+                        ("first/left-1.dist-info", [])):
+        (tmp_path / name).mkdir(parents=True)
+        for file in files:
+            (tmp_path / name / file).touch()
+    monkeypatch.setattr(sys, "path", [str(tmp_path / "none"), str(tmp_path / "first"), str(tmp_path / "second")])
+    assert bootstrap._installed() == {"mit-suba": "4"}
 
 
 def test_an_old_python_is_told_so(monkeypatch, capsys):

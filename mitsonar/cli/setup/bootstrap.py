@@ -11,10 +11,8 @@ A file in the environment holds its state. No file: somebody else made the envir
 is used while these stay the same, and its extras, which are brought up to date with the rest. An environment to be
 replaced is renamed until the new one is complete, and gets its name back if that fails.
 """
-import concurrent.futures
 import contextlib
 import hashlib
-import importlib.metadata
 import importlib.util
 import os
 import re
@@ -154,16 +152,39 @@ def environment() -> str:
 
 def missing(*extras: str) -> list[str]:
     """Return the requirements of ``pyproject.toml`` that this interpreter does not meet, as ``name>=version``."""
-    unmet = []
+    unmet, installed = [], _installed()
     for name, relation, version in _requirements("dependencies", *extras):
-        try:
-            installed = importlib.metadata.version(name.partition("[")[0]) or "0"
-        except importlib.metadata.PackageNotFoundError:
-            installed = "0"
-        have, want = (tuple(map(int, re.findall(r"\d+", numbers))) for numbers in (installed, version))
+        plain = _plain(name.partition("[")[0])
+        have, want = (tuple(map(int, re.findall(r"\d+", numbers)))
+                      for numbers in (installed.get(plain) or _metadata_version(plain), version))
         if have < want or (relation == "==" and have != want):
             unmet.append(f"{name}{relation}{version}")
     return unmet
+
+
+def _installed():
+    """Return the versions of packages by the names of their folders: importlib.metadata would read every file."""
+    versions = {}
+    for folder in reversed(sys.path):
+        with contextlib.suppress(OSError):
+            for name, version in re.findall(r"^(.+)-([^-]+)\.dist-info$", "\n".join(os.listdir(folder or ".")), re.M):
+                if os.path.isfile(os.path.join(folder, f"{name}-{version}.dist-info", "METADATA")):
+                    versions[_plain(name)] = version
+    return versions
+
+
+def _plain(name):
+    return re.sub(r"[-_.]+", "-", name).lower()
+
+
+def _metadata_version(name):
+    """Return the version of a package that is not in a folder of its own, "0" if there is none."""
+    import importlib.metadata
+
+    try:
+        return importlib.metadata.version(name) or "0"
+    except importlib.metadata.PackageNotFoundError:
+        return "0"
 
 
 def _requirements(*lists):
@@ -208,6 +229,8 @@ def set_up(folder: str, extras: Sequence[str] = (), *, library: bool = False) ->
         say(f"adding the packages of {', '.join(new) or 'mitsonar'} to {folder}")
     else:
         say(f"installing packages into {folder} ({SIZES['test' if 'test' in extras else '']})")
+    import concurrent.futures
+
     try:
         with concurrent.futures.ThreadPoolExecutor(1) as other:
             if library:                # what fails is tried again by the command, which then says why

@@ -6,8 +6,6 @@ from importlib import resources
 from xml.etree import ElementTree
 from xml.parsers import expat
 
-import numpy as np
-
 from mitsonar.device import files
 from mitsonar.device.files import FilePath
 from mitsonar.device.spelling import meant
@@ -188,6 +186,8 @@ def text(name: str, value: object) -> str:
     TypeError
         If the value is of another kind.
     """
+    import numpy as np  # a tenth of a second, which help and completion do without
+
     if isinstance(value, (bool, np.bool_)):
         return "true" if value else "false"
     if isinstance(value, (str, numbers.Real)):

@@ -6,12 +6,16 @@ echogram of a sonar that looks down (attribute ``looks``) is turned: ranges go d
 pixel that covers several bins shows their mean, weighted with the share of the pixel that each covers; a pixel smaller
 than a bin shows the bin.
 """
+from __future__ import annotations
+
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
-from scipy.sparse import csr_array
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 WIDEST, LOWEST = 1400, 420       # pixels
 LARGEST = 2**22                  # bins of a variable that are processed at a time
@@ -127,5 +131,7 @@ def _shares(source, target):
     middle = (cuts[1:] + cuts[:-1]) / 2
     rows, columns = (np.searchsorted(edges, middle) - 1 for edges in (target, source))
     inside = (rows >= 0) & (rows < target.size - 1) & (columns >= 0) & (columns < source.size - 1)
+    from scipy.sparse import csr_array
+
     return csr_array((np.diff(cuts)[inside], (rows[inside], columns[inside])),
                      shape=(target.size - 1, source.size - 1))

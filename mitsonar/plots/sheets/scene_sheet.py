@@ -16,7 +16,6 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Polygon
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
-from scipy.spatial import ConvexHull, QhullError
 
 from mitsonar.device.files import FilePath
 from mitsonar.units import khz_from_hertz
@@ -226,6 +225,8 @@ def _seen(overview: Overview, axes: Axes) -> np.ndarray:
 
 def _outline(points: np.ndarray) -> np.ndarray:
     """Return the convex outline (K, 2) of points (N, 2); the points themselves if they have no area."""
+    from scipy.spatial import ConvexHull, QhullError
+
     try:
         return points[ConvexHull(points).vertices]
     except (QhullError, ValueError):

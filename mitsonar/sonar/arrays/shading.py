@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mitsonar.device.lazy import module_alone
 from mitsonar.device.spelling import meant
 from mitsonar.units import db_from_power
 
@@ -38,7 +39,7 @@ def window_weights(window: str | tuple, elements: int) -> np.ndarray:
     name, *numbers = (window.split() if isinstance(window, str) else window) or ("",)
     if name not in WINDOWS:
         raise ValueError(f'window is "{name}"{meant(name, WINDOWS)}; give one of {", ".join(WINDOWS)}.')
-    from scipy.signal import get_window
+    get_window = module_alone("scipy.signal", "windows/_windows.py").get_window
 
     takes, said = WINDOWS[name], " ".join(map(str, (name, *numbers)))
     needs = f"the numbers ({', '.join(takes)})" if takes else "no numbers"

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mitsonar.device.lazy import module_alone
 from mitsonar.device.types import Numbers
 
 from ..arrays.shading import window_weights
@@ -130,8 +131,7 @@ def _line(x: np.ndarray, window: str, sag: float, segments: int) -> np.ndarray:
         # windows are symmetric, so that the sum of phases is that of cosines
         sums = np.cos(2 * np.pi * x[:, None] * place) @ weights
     else:
-        from scipy.signal import czt
-
+        czt = module_alone("scipy.signal", "_czt.py").czt
         # the same at even steps of x, without the phase of the first segment
         turns = (x[-1] - x[0]) / (len(x) - 1) / segments
         sums = czt(weights * np.exp(-2j * np.pi * x[0] * place), len(x), np.exp(-2j * np.pi * turns))

@@ -44,19 +44,23 @@ class SmoothCurve:
     # time (N,) [s]; values (N, ...)
 
     def __init__(self, time: np.ndarray, values: np.ndarray):
-        from scipy.interpolate import CubicSpline
-
         time, values = np.asarray(time, float), np.asarray(values, float)
         self.first, self.last = float(time[0]), float(time[-1])
-        if len(time) == 1:
-            time, values = np.array([time[0], time[0] + 1.0]), np.repeat(values, 2, axis=0)
-        self._spline = CubicSpline(time, values, bc_type="not-a-knot")
-        self._slope = self._spline.derivative()
+        self._shape = (1,) * (values.ndim - 1)
+        if len(time) < 3:              # straight, bit for bit as the spline, and SciPy's splines take long to import
+            rise = np.subtract(*values[::-1]) / np.subtract(*time[::-1]) if len(time) == 2 else 0.0 * values[0]
+            self._spline = lambda at: 0.0 + values[0] + np.multiply.outer(at - self.first, rise)
+            self._slope = lambda at: rise
+        else:
+            from scipy.interpolate import CubicSpline
+
+            self._spline = CubicSpline(time, values, bc_type="not-a-knot")
+            self._slope = self._spline.derivative()
 
     def at(self, times: np.ndarray) -> np.ndarray:
         """Return the values at times (...) [s]: (..., *values.shape[1:])."""
         inside = np.clip(times, self.first, self.last)
-        beyond = np.reshape(times - inside, np.shape(inside) + (1,) * (self._spline.c.ndim - 2))
+        beyond = np.reshape(times - inside, np.shape(inside) + self._shape)
         return self._spline(inside) + beyond * self._slope(inside)
 
 

@@ -16,6 +16,8 @@ import numpy as np
 from numpy.fft import fftfreq, fftshift, ifftshift
 from numpy.typing import ArrayLike
 
+from mitsonar.device.lazy import module_alone
+
 Window: TypeAlias = str | tuple     # of scipy.signal.get_window
 DESCRIBED = ("cw", "lfm", "hfm")   # kinds of pulses that numbers describe
 WINDOW_NODES = 8193                # of a window's table: linear between them is good to 1e-7
@@ -221,9 +223,8 @@ class Pulse:
 @lru_cache(maxsize=16)
 def _window_table(window: Window) -> np.ndarray:
     try:
-        from scipy.signal import get_window
-
-        return np.asarray(get_window(window, WINDOW_NODES, fftbins=False))
+        windows = module_alone("scipy.signal", "windows/_windows.py")
+        return np.asarray(windows.get_window(window, WINDOW_NODES, fftbins=False))
     except (TypeError, ValueError) as error:
         raise ValueError(f"pulse window {window!r} is not one scipy can make ({error}); give a name such as 'hann', or "
                          "a tuple such as ('tukey', 0.1).") from None
@@ -242,9 +243,8 @@ def _spectrum(pulse: Pulse, sampling_rate: float, samples: int, doppler: float) 
     time = own / doppler
     values = pulse._shape(own) * np.exp(2j * np.pi * pulse.frequency * (doppler - 1.0) * time) * (weight / doppler)
     lowest = -(samples // 2) * sampling_rate / samples
-    from scipy.signal import ZoomFFT
-
-    zoom = ZoomFFT(len(time), [lowest, lowest + sampling_rate], samples, fs=1 / time[1], endpoint=False)
+    zoom_fft = module_alone("scipy.signal", "_czt.py").ZoomFFT
+    zoom = zoom_fft(len(time), [lowest, lowest + sampling_rate], samples, fs=1 / time[1], endpoint=False)
     result = ifftshift(sampling_rate * zoom(values))
     result.flags.writeable = False
     return result

@@ -31,7 +31,7 @@ meets. Sums are integers, so they depend neither on the order of additions nor o
 """
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import drjit as dr
@@ -198,6 +198,7 @@ class SideSpeckle:
             self._add(sums, poses, motion, triangles, dr.opaque(mi.UInt32, steps))
         dr.eval(sums)
         thread = dr.arange(mi.UInt32, rows * self.gates)
+        dr.eval(thread)
         speckle = np.empty((len(ping), 2, self.gates, steps), np.complex64)
         for step in range(steps):
             later = dr.opaque(mi.UInt32, step)
@@ -218,16 +219,16 @@ class SideSpeckle:
 
     # ---- the ground that the main lobe meets
 
-    def _met(self, poses: PingPoses, motion: PingMotion | None, pings: int) -> list[Triangles]:
-        """Return the triangles that the lobes of pings meet, from coarse to fine."""
+    def _met(self, poses: PingPoses, motion: PingMotion | None, pings: int) -> Iterator[Triangles]:
+        """Yield the triangles that the lobes of pings meet, from coarse to fine."""
         if not self._blocks:
-            return []
+            return
         thread, count = dr.arange(mi.UInt32, pings * self._blocks), dr.opaque(mi.UInt32, self._blocks)
         ping = thread // count
         block = thread - ping * count
         index = compressed(self._meets(poses, motion, ping, *self._in_ball(self._block, block, mi.Bool(True)))[0])
         if not dr.width(index):
-            return []
+            return
         ping, block = dr.gather(mi.UInt32, ping, index), dr.gather(mi.UInt32, block, index)
         thread = dr.arange(mi.UInt32, BLOCK * dr.width(index))
         ping = dr.gather(mi.UInt32, ping, thread // BLOCK)
@@ -235,23 +236,24 @@ class SideSpeckle:
         exists = number < self._facet_count
         index = compressed(exists & self._meets(poses, motion, ping, *self._in_ball(self._ball, number, exists))[0])
         if not dr.width(index):
-            return []
+            return
         ping = dr.gather(mi.UInt32, ping, index)
         facet = dr.gather(mi.UInt32, self._number, dr.gather(mi.UInt32, number, index))
-        zero = dr.zeros(mi.UInt32, dr.width(index))
-        found, todo = [], Triangles(ping=ping, facet=facet, first=zero, level=zero,
-                                    most=dr.full(mi.Float, np.inf, dr.width(index)))
+        # arrays, not numbers, and evaluated: all rounds, and the sums of their triangles, have the same kernels
+        first, level, most = (dr.opaque(kind, value, dr.width(index))
+                              for kind, value in ((mi.UInt32, 0), (mi.UInt32, 0), (mi.Float, np.inf)))
+        todo = Triangles(ping=ping, facet=facet, first=first, level=level, most=most)
         while dr.width(todo.facet):
+            dr.eval(vars(todo))
             met, fine, most = self._sized(poses, motion, todo)
             todo = Triangles(ping=todo.ping, facet=todo.facet, first=todo.first, level=todo.level, most=most)
             dr.eval(met, fine, vars(todo))
             done, rest = compressed(met & fine), compressed(met & ~fine)
             if dr.width(done):
-                found.append(todo.chosen(done))
+                yield todo.chosen(done)
             if not dr.width(rest):
                 break
             todo = todo.chosen(rest).quarters()
-        return found
 
     def _in_ball(self, table: mi.Float, number: mi.UInt32, active: mi.Bool) -> tuple[dr.ArrayBase, mi.Float]:
         """Return the middles and radii [m] of the balls of blocks or facets."""
