@@ -62,8 +62,7 @@ class LineBeams:
         wavenumber = (pulse.frequency + self.pulse.offset) / sound_speed
         weights = np.atleast_2d(weight)
         self._stride = stride_of(position, weights)
-        # W of a single element at the origin; None of other lines
-        self._alone = weights[0, 0] / abs(weights[0, 0]) if weights.size == 1 and not position.any() else None
+        self._alone, self._weight = weights.size == 1 and not position.any(), weights.sum() / np.abs(weights).sum()
         self._within = float(self.sines.min()), float(self.sines.max())
         steps, self.period = _rows(position, wavenumber, _farthest(*self._within), self._stride)
         _check_size(len(position), steps, self.period, len(wavenumber))
@@ -104,7 +103,7 @@ class LineBeams:
         row_factors = np.interp(self._row_sines, np.linspace(-1, 1, len(factors)), factors)
         rows, waves = (None, [None] * len(self.lines)) if noise is None else self._noise_tables(noise)
         kept = slice(MARGIN + self.lead, MARGIN + self.samples)
-        if self._alone is not None:
+        if self._alone:
             beam = self._of_element(grid.taken(), row_factors, waves[0], salted(key, Salt.BEAM_NOISE))[kept]
             return np.broadcast_to(beam, (1, read.beams, len(beam)))
         on_rows = None
@@ -132,7 +131,7 @@ class LineBeams:
         sizes = replace(self._sizes, rows=len(factors), period=len(factors))
         rows = by_frequency(transformed(sums, length), sizes, self.pulse.transfers(factors), None)
         whole = rows.numpy().view(np.complex64).reshape(-1, len(factors)).sum(1)
-        whole *= np.complex64(self._alone / self.line.bell.spectrum(0.0))
+        whole *= np.complex64(self._weight / self.line.bell.spectrum(0.0))
         if noise is not None:
             real, imaginary = gaussians(self.lib, dr.arange(U, len(whole)), dr.opaque(U, key))
             whole += noise.numpy() * (real.numpy() + 1j * imaginary.numpy())
@@ -177,12 +176,12 @@ class LineBeams:
             inside = np.clip((1 - np.abs(self._row_sines)) / self.shape.step + 0.5, 0, 1)
             ambient = noise.ambient_at(self._row_sines) * band * (0.5 * self.shape.step * inside)
             replica = np.abs(self.pulse.replica)
-            if self._alone is not None:
+            if self._alone:
                 size = replica * np.sqrt(ambient.sum() + noise.own_of_lines * band)
                 waves = [upload(self.lib.Float, size.astype(np.float32))]
             elif noise.ambient:
                 rows = upload(self.lib.Float, np.sqrt(ambient))
-            if noise.own and self._alone is None:
+            if noise.own and not self._alone:
                 for number, line in enumerate(self.lines):
                     power = noise.own_of_lines * band * line.rows.period * line.own_noise(float(np.ptp(self.sines)))
                     size = replica[:, None] * np.sqrt(power)
