@@ -120,7 +120,7 @@ class Scatterers:
         self.amplitudes = Amplitudes(geometry, pass_number)
         self.geometry = geometry
         vertices = geometry.at_rest(geometry.vertices.numpy().reshape(-1, 4))
-        faces = geometry.faces.numpy().reshape(-1, 4).copy()
+        faces = geometry.faces.numpy().reshape(-1, 4)
         named = faces[:, 3].copy()
         grids = [(index, shape, grid_of(shape)) for index, shape in geometry.others]
         meshed, meshed_faces, rows = len(vertices), len(faces), []
@@ -128,7 +128,9 @@ class Scatterers:
             rows.append((index, shape, len(faces), len(grid.faces)))
             faces = np.concatenate([faces, four_wide(grid.faces + np.uint32(len(vertices))).astype(np.uint32)])
             vertices = np.concatenate([vertices, four_wide(grid.vertices).astype(np.float32)])
-        self._vertices, self._faces = upload(mi.Float, vertices), upload(mi.UInt32, faces)
+        # the geometry's own vertices, unless there are more or some move
+        self._vertices = upload(mi.Float, vertices) if grids or geometry.movers else geometry.vertices
+        self._faces = upload(mi.UInt32, faces)
         side, self.centre, self.radius = self._measured(len(faces))
         self.longest_side, self.cuts = side, divisions(side, cell_size)
         if self.cuts.max(initial=1) > MOST_CUTS:
