@@ -31,6 +31,7 @@ from .protocols import (
     target_shape,
 )
 from .sea import Sea, SeaStand, WavySurface, wavy_surface
+from .tracing.late_beds import late_scene
 from .two_scenes import MovingScene, TwoScenes, scene_of
 
 
@@ -109,7 +110,8 @@ class Geometry:
             raise ValueError("the scene has no shape to hit; add a seabed, e.g. <shape type=\"seabed\"/>")
         _check_extents(shapes)
         _check_merged(shapes)
-        self.loaded, self.scene, self.still = scene, scene, scene
+        self.loaded, whole = scene, late_scene(scene)
+        self.scene = self.still = whole
         self._moving_scenes: list[tuple[MovingScene, set[str]]] = []   # with the ids of their shapes
         self.named = ShapeLabels(shapes)
         self.labels = self.named.names
