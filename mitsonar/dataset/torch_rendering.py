@@ -39,7 +39,8 @@ class RenderedImages(torch.utils.data.IterableDataset):
             self.rules = rules if self.complete else dataclasses.replace(rules, negatives=(), negative_class=None)
         numbered = (plan.classes or ()) if self.rules is None else self.rules.numbered(plan.classes or ())
         self.classes = classes or tuple(numbered)
-        self.subset, self.form, self.cell = subset, form, cell
+        self.subset, self.cell = subset, cell
+        self.form: Form | None = form
         self.endless, self.shuffle, self.threads = endless, shuffle, threads
         self.rank, self.world_size = _place(rank, world_size)
         if threads is not None and threads < 2:

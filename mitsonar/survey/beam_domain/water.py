@@ -70,7 +70,7 @@ class WaterPoints:
             legs, sonar = table.legs(offset), opaque_vector(mi.Point3f, origin)
             angle, heading = angles(legs.launch_direction)
             blocked = along_fan(self._ground.ensonification.tracer.geometry.scene, self._ground.fans(origin), sonar,
-                                mi.UInt32(0), angle, heading, sonar + mi.Vector3f(offset), legs.horizontal_range,
+                                mi.UInt32(0), angle, heading, mi.Point3f(offset) + sonar, legs.horizontal_range,
                                 mi.Bool(True))
             dr.scatter(state, mi.UInt32(HIDDEN_BY_BED), there, blocked)
         return state

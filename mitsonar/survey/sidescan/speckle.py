@@ -240,9 +240,9 @@ class SideSpeckle:
         ping = dr.gather(mi.UInt32, ping, index)
         facet = dr.gather(mi.UInt32, self._number, dr.gather(mi.UInt32, number, index))
         # arrays, not numbers, and evaluated: all rounds, and the sums of their triangles, have the same kernels
-        first, level, most = (dr.opaque(kind, value, dr.width(index))
-                              for kind, value in ((mi.UInt32, 0), (mi.UInt32, 0), (mi.Float, np.inf)))
-        todo = Triangles(ping=ping, facet=facet, first=first, level=level, most=most)
+        first, level = (dr.opaque(mi.UInt32, 0, dr.width(index)) for _ in range(2))
+        todo = Triangles(ping=ping, facet=facet, first=first, level=level,
+                         most=dr.opaque(mi.Float, np.inf, dr.width(index)))
         while dr.width(todo.facet):
             dr.eval(vars(todo))
             met, fine, most = self._sized(poses, motion, todo)
