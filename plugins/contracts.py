@@ -45,7 +45,6 @@ if TYPE_CHECKING:
         Lambert, SedimentBed, ElasticBed, Empirical, WindySea, Smooth, Rigid, Soft, Impedance)
     smooth: tuple[type[protocols.SmoothMaterial], ...] = Smooth, Rigid, Soft, Impedance
     beds: tuple[type[protocols.BedShape], ...] = Seabed, Bathymetry
-    late: tuple[type[protocols.LateBed], ...] = (Seabed,)
     with_normals: tuple[type[protocols.ShapeWithNormals], ...] = Seabed, Bathymetry
     located: tuple[type[protocols.LocatedShape], ...] = (Bathymetry,)
     surfaces: tuple[type[protocols.SeaSurfaceShape], ...] = (SeaSurface,)

@@ -31,7 +31,6 @@ from .protocols import (
     target_shape,
 )
 from .sea import Sea, SeaStand, WavySurface, wavy_surface
-from .tracing.late_beds import late_scene
 from .two_scenes import MovingScene, TwoScenes, scene_of
 
 
@@ -110,8 +109,7 @@ class Geometry:
             raise ValueError("the scene has no shape to hit; add a seabed, e.g. <shape type=\"seabed\"/>")
         _check_extents(shapes)
         _check_merged(shapes)
-        self.loaded, whole = scene, late_scene(scene)
-        self.scene = self.still = whole
+        self.loaded, self.scene, self.still = scene, scene, scene
         self._moving_scenes: list[tuple[MovingScene, set[str]]] = []   # with the ids of their shapes
         self.named = ShapeLabels(shapes)
         self.labels = self.named.names

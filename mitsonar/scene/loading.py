@@ -19,7 +19,6 @@ from mitsonar.io.scene_files.scenes import filled, find, root, text
 from . import files as scene_files, libraries, registration
 from .alterations import held
 from .protocols import SceneSonar
-from .tracing.late_beds import held_back, join
 
 VARIANTS = ("llvm_ad_mono", "cuda_ad_mono")    # the GPU comes second until it has been tried on one
 TAKEN = ("path", "parallel", "optimize")       # argument names of Mitsuba's own loader
@@ -75,19 +74,6 @@ def load_file(path: FilePath, /, **parameters: object) -> mi.Scene:
     Meshes stay apart even if they share a material (``optimize=False``), because their ids are the labels of the image.
     Files that the scene names are checked before Mitsuba opens them, which ``mi.load_file`` does not do.
     """
-    return _loaded(path, parameters)
-
-
-def load_to_render(path: FilePath, parameters: Mapping[str, object]) -> mi.Scene:
-    """Load a scene file that mitsonar alone sends rays to: seabeds are missing in the tree of Mitsuba's scene."""
-    prepare()
-    with held_back():
-        scene = _loaded(path, parameters)
-    return scene
-
-
-def _loaded(path: FilePath, parameters: Mapping[str, object]) -> mi.Scene:
-    """Load a scene file; its late beds have their facets."""
     path = find(os.fspath(path))
     check_readable(path, "the scene", "a Mitsuba XML file")
     values = {name: text(name, value) for name, value in parameters.items()}
@@ -109,7 +95,6 @@ def _loaded(path: FilePath, parameters: Mapping[str, object]) -> mi.Scene:
         raise _naming_parameters(as_exception(error), path) from None
     if not isinstance(scene, mi.Scene):
         raise ValueError(f"{path} holds no scene but a single object; put it into <scene version=\"3.0.0\">")
-    join(scene)
     values_now = held(scene)
     provenance = {"file": os.path.basename(path), "scene": resolved(path, values), "parameters": values}
     for sensor in scene.sensors():

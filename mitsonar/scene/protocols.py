@@ -6,7 +6,7 @@ their members; `plugins/contracts.py` makes type checkers compare every plugin w
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 if TYPE_CHECKING:
     import mitsuba as mi
@@ -129,20 +129,6 @@ class BedShape(Protocol):
     seabed: bool
 
 
-class LateFacets(NamedTuple):
-    """Facets that a bed on a grid holds back until its scene stands; see `late_beds`."""
-
-    facets: mi.UInt32  # (3 F,): corners, two facets for each cell of the grid, row by row
-    nodes: tuple[int, int]  # along y and x
-
-
-@runtime_checkable
-class LateBed(Protocol):
-    """Shape that may hold its facets back."""
-
-    late: LateFacets | None
-
-
 @runtime_checkable
 class SeaSurfaceShape(Protocol):
     """Shape that may be the sea surface."""
@@ -221,11 +207,6 @@ def strewn_shape(shape: mi.Shape) -> StrewnShape | None:
 def is_seabed(shape: mi.Shape) -> bool:
     """Return True if a shape is declared to be a seabed."""
     return isinstance(shape, BedShape) and shape.seabed
-
-
-def late_facets(shape: mi.Shape) -> LateFacets | None:
-    """Return the facets that a shape holds back, or has held back; None for others."""
-    return shape.late if isinstance(shape, LateBed) else None
 
 
 def is_sea_surface(shape: mi.Shape | None) -> bool:

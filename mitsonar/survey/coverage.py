@@ -13,7 +13,6 @@ import numpy as np
 
 from mitsonar.device.arrays import upload
 from mitsonar.scene.geometry import Geometry
-from mitsonar.scene.tracing.late_beds import near
 from mitsonar.scene.tracing.tracer import registry_index
 
 from . import placement
@@ -96,8 +95,7 @@ def _hit(geometry: Geometry, origin: np.ndarray, direction: np.ndarray, farthest
                     for rows in (origin, direction))
     ray = mi.Ray3f(mi.Point3f(*points), mi.Vector3f(*ways))
     ray.maxt = dr.opaque(mi.Float, float(farthest))
-    scene = near(geometry.scene, origin, origin + farthest * direction)
-    pi = scene.ray_intersect_preliminary(ray, coherent=mi.Bool(False))
+    pi = geometry.scene.ray_intersect_preliminary(ray, coherent=mi.Bool(False))
     label = dr.gather(mi.UInt32, geometry.rows, 4 * registry_index(pi), pi.is_valid())
     return (pi.is_valid() & (label != geometry.surface_label)).numpy()
 

@@ -8,11 +8,9 @@ import numpy as np
 from mitsonar.device.arrays import upload
 from mitsonar.device.types import Real
 from mitsonar.scene.geometry import Geometry
-from mitsonar.scene.tracing.late_beds import near
 from mitsonar.scene.tracing.tracer import registry_index
 from mitsonar.sonar.motion.track import Track
 
-AT_A_NODE = 6                      # facets that meet at a node of a grid
 SOUNDINGS = 96                     # soundings per side of the grid that finds the surveyed area
 SMOOTHING = 10.0                   # [m] along which a towed sonar follows the seabed
 ASIDE, ROUNDING = 1e-3, 1e-6       # [m] and share of the coordinate that a ray beside an edge of facets is moved by
@@ -44,21 +42,11 @@ def _distance(geometry: Geometry, x: np.ndarray, y: np.ndarray, z: np.ndarray, *
 def _hit_distance(geometry: Geometry, x: np.ndarray, y: np.ndarray, z: np.ndarray, up: bool) -> np.ndarray:
     point = (upload(mi.Float, np.ravel(v).astype(np.float32)) for v in (x, y, z))
     ray = mi.Ray3f(mi.Point3f(*point), mi.Vector3f(0, 0, 1 if up else -1))
-    end = np.full(x.shape, -geometry.depth_range[0] + 1 if up else -geometry.depth_range[1] - 1)
-    still = near(geometry.still, *(np.stack([np.ravel(v) for v in (x, y, height)], 1) for height in (z, end)))
-    pi = still.ray_intersect_preliminary(ray, coherent=mi.Bool(True))
+    pi = geometry.still.ray_intersect_preliminary(ray, coherent=mi.Bool(True))
     hit = pi.is_valid()
     if up:
         hit &= dr.gather(mi.UInt32, geometry.rows, 4 * registry_index(pi), hit) != geometry.surface_label
-    hit, distance = hit.numpy(), pi.t.numpy().copy()
-    for _ in range(AT_A_NODE):         # distances to its facets differ in the last bit, and the tree decides for one
-        ray.maxt = upload(mi.Float, np.nextafter(distance, np.float32(0)))
-        pi = still.ray_intersect_preliminary(ray, coherent=mi.Bool(True))
-        nearer = pi.is_valid().numpy() & (pi.t.numpy() < distance)
-        if not nearer.any():
-            break
-        distance[nearer] = pi.t.numpy()[nearer]
-    return np.where(hit, distance, np.nan).reshape(x.shape)
+    return np.where(hit.numpy(), pi.t.numpy(), np.nan).reshape(x.shape)
 
 
 def _wet(geometry: Geometry, x: np.ndarray, y: np.ndarray) -> np.ndarray:

@@ -7,13 +7,13 @@ are there from the beginning.
 """
 import threading
 from dataclasses import dataclass
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol, cast, runtime_checkable
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mitsonar.scene.protocols import BedShape, late_facets
+from mitsonar.scene.protocols import BedShape
 from mitsonar.seabed.scour import Footprint, Scour
 
 from ..attributes import Angle, Attributes, Nested, Number
@@ -73,10 +73,9 @@ def scour_of(attributes: Attributes) -> Scour | None:
 
 def mesh_arrays(shape: mi.Shape) -> tuple[np.ndarray, np.ndarray]:
     """Return the vertices (V, 3) [m] and faces (F, 3) of a mesh."""
-    parameters: Any = mi.traverse(shape)
-    late = late_facets(shape)
-    faces = parameters["faces"] if late is None else late.facets
-    return parameters["vertex_positions"].numpy().reshape(-1, 3), faces.numpy().reshape(-1, 3)
+    parameters = mi.traverse(shape)
+    vertices, faces = (cast(Any, parameters[name]).numpy().reshape(-1, 3) for name in ("vertex_positions", "faces"))
+    return vertices, faces
 
 
 def vertices_before(shape: mi.Mesh) -> np.ndarray:

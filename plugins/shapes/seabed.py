@@ -21,8 +21,6 @@ About objects that the shape refers to by `<ref>`, and about `targets` that have
 import mitsuba as mi
 import numpy as np
 
-from mitsonar.scene.protocols import LateFacets
-from mitsonar.scene.tracing.late_beds import holding
 from mitsonar.seabed.fractal import Fractal
 from mitsonar.seabed.marks import DragMarks, PockMarks, SandRibbons
 from mitsonar.seabed.relief import Plane, Sinusoid
@@ -116,7 +114,6 @@ class Seabed(mi.Mesh):
 
     seabed = True
     ground: Ground | None = None
-    late: LateFacets | None = None
 
     def __init__(self, props: mi.Properties) -> None:
         attributes = Attributes(props, ATTRIBUTES)
@@ -130,10 +127,6 @@ class Seabed(mi.Mesh):
         self.smooth_normals = attributes.smooth_normals
         super().__init__("seabed", len(grid.vertices), len(grid.faces), props=props,
                          has_vertex_normals=attributes.smooth_normals, has_vertex_texcoords=True)
-        level = np.array_equal(attributes.to_world[:3, :3], np.eye(3)) and not attributes.smooth_normals
-        if holding() and level:                                        # its nodes stay those of a grid along x and y
-            self.late = LateFacets(mi.UInt32(grid.faces.ravel()), (y.size, x.size))
-            grid = grid._replace(faces=np.zeros((1, 3), np.uint32))
         fill(self, grid)
         scour_about_standing(attributes, self)
         self._description = f"Seabed[{y.size} x {x.size} nodes at {spacing} m, depth {depth} m, {relief}]"

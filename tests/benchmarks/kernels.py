@@ -87,12 +87,11 @@ def parts(kind: Kind, whole: bool, folder: str) -> tuple[Callable, Callable, Cal
     import mitsonar
     from mitsonar.io.records import exr
     from mitsonar.labels.samples import write_sample
-    from mitsonar.scene.loading import load_to_render
     from mitsonar.sweep.products import sample_rules
 
     def load(index):
-        return load_to_render(ROOT / "scenes" / f"{kind.scene}.xml",
-                              {**({} if whole else kind.small), **numbers(kind, index)})
+        return mitsonar.load_file(ROOT / "scenes" / f"{kind.scene}.xml",
+                                  **({} if whole else kind.small), **numbers(kind, index))
 
     def write(image):
         if kind.labels is None:

@@ -9,7 +9,6 @@ from mitsonar.device.arrays import upload
 
 from ..geometry import Geometry
 from ..labels import SEABED
-from ..tracing.late_beds import near
 from ..tracing.tracer import registry_index
 
 SURFACES = 4                       # at most, over the bed or between it and what is under it
@@ -24,9 +23,7 @@ def bed_height(geometry: Geometry, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         return found
     for _ in range(SURFACES):
         point = mi.Point3f(*(upload(mi.Float, column.astype(np.float32)) for column in (x, y, start)))
-        end = start - np.ptp(geometry.depth_range) - 2
-        still = near(geometry.still, *(np.stack([x, y, z], 1) for z in (start, end)))
-        pi = still.ray_intersect_preliminary(mi.Ray3f(point, mi.Vector3f(0, 0, -1)), coherent=mi.Bool(False))
+        pi = geometry.still.ray_intersect_preliminary(mi.Ray3f(point, mi.Vector3f(0, 0, -1)), coherent=mi.Bool(False))
         kind = dr.gather(mi.UInt32, geometry.kinds, registry_index(pi), pi.is_valid())
         distance, met = pi.t.numpy().astype(float), pi.is_valid().numpy()
         height = start - distance
@@ -39,11 +36,11 @@ def bed_height(geometry: Geometry, x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return found
 
 
-def covered(geometry: Geometry, still: mi.Scene, point: mi.Point3f, active: mi.Bool) -> mi.Bool:
-    """Return True for points (R,) that the bed lies over; `still` is a scene that has it there."""
+def covered(geometry: Geometry, point: mi.Point3f, active: mi.Bool) -> mi.Bool:
+    """Return True for points (R,) that the bed lies over."""
     up, start, found = mi.Vector3f(0, 0, dr.opaque(mi.Float, 1.0)), mi.Point3f(point), mi.Bool(False)
     for _ in range(2):
-        pi = still.ray_intersect_preliminary(mi.Ray3f(start, up), coherent=mi.Bool(False), active=active)
+        pi = geometry.still.ray_intersect_preliminary(mi.Ray3f(start, up), coherent=mi.Bool(False), active=active)
         active = active & pi.is_valid()
         bed = active & (dr.gather(mi.UInt32, geometry.kinds, registry_index(pi), active) == SEABED)
         found, active = found | bed, active & ~bed

@@ -15,7 +15,6 @@ import numpy as np
 from mitsonar.device.arrays import upload
 
 from ..geometry import Geometry
-from ..tracing.late_beds import near
 
 POINTS = 256                       # for each object: the share is good to about 3 %
 CLEAR = 2e-3                       # [m] in front of the surface, where a line of sight begins
@@ -116,4 +115,4 @@ def _blocked(scene: mi.Scene, start: np.ndarray, end: np.ndarray) -> np.ndarray:
                          for vectors in (start, (end - start) / np.maximum(length, 1e-9)[:, None]))
     ray = mi.Ray3f(mi.Point3f(origin), direction, upload(mi.Float, length.astype(np.float32)), mi.Float(0),
                    mi.Color0f())
-    return dr.detach(near(scene, start, end).ray_test(ray)).numpy().astype(bool)
+    return dr.detach(scene.ray_test(ray)).numpy().astype(bool)

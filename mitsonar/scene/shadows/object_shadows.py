@@ -17,7 +17,6 @@ from ..geometry import Geometry
 from ..labels import OBJECT
 from ..moving import moving_shape
 from ..protocols import target_shape
-from ..tracing.late_beds import LateScene
 from ..tracing.tracer import Sources, Tracer, angles
 from ..tracing.water import DeviceWater
 from ..two_scenes import asked_together
@@ -52,8 +51,7 @@ class ObjectShadows:
         self.exist = bool(self._objects)
         if self.exist:
             still = [shape for shape in self._objects if moving_shape(shape) is None]
-            alone = geometry.still.without(still) if isinstance(geometry.still, LateScene) else None
-            self._scene = alone or asked_together(geometry.loaded, still, geometry.moving_scene)
+            self._scene = asked_together(geometry.loaded, still, geometry.moving_scene)
             self._tracer = Tracer(geometry, water, max_range=farthest, tolerance=TOLERANCE)
             boxes = [shape.bbox() for shape in self._objects]
             self._low, self._high = (np.array([np.array(end(box), float)[:2] for box in boxes])

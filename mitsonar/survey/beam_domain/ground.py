@@ -30,7 +30,6 @@ from mitsonar.scene.shadows.bed_horizon import BedHorizon
 from mitsonar.scene.shadows.object_shadows import ObjectShadows
 from mitsonar.scene.tracing.connection import turned
 from mitsonar.scene.tracing.hits import Hits
-from mitsonar.scene.tracing.late_beds import over
 
 from ..pressure.array_survey import ArraySurvey
 from ..pressure.ensonified_ping import ensonification_of
@@ -160,11 +159,8 @@ class Ground:
         energy = along_legs(strength * scatterers.area, legs.gain, legs.gain)
         return dr.select(lit & (sin_grazing > GRAZING) & dr.isfinite(energy), dr.maximum(energy, 0), 0)
 
-    def _partly_buried(self) -> tuple[mi.Bool, np.ndarray] | None:
-        """Return a flag for every label, True for an object that reaches below the bed; None if there are none.
-
-        With it the lower and upper corners, seen from above, of boxes (2, N, 2) [m] about these objects.
-        """
+    def _partly_buried(self) -> mi.Bool | None:
+        """Return a flag for every label, True for an object that reaches below the bed; None if there are none."""
         geometry, facets = self._facets.geometry, self._facets
         kinds = geometry.named.label_kinds()
         buried = np.zeros(len(kinds), bool)
@@ -182,13 +178,7 @@ class Ground:
             corners, number = np.unique(corners[low], axis=0, return_index=True)
             below = corners[:, 2] < bed_height(geometry, *corners[:, :2].T.astype(float)) - DEEP
             buried[facets.label[of_objects[low[number[below]] // 3]]] = True
-        if not buried.any():
-            return None
-        own = of_objects[buried[facets.label[of_objects]]]
-        own = own[np.argsort(facets.label[own], kind="stable")]
-        first, places = np.unique(facets.label[own], return_index=True)[1], facets.corners(own)[..., :2]
-        return upload(mi.Bool, buried), np.stack([np.minimum.reduceat(places.min(1), first) - ASIDE,
-                                                  np.maximum.reduceat(places.max(1), first) + ASIDE])
+        return upload(mi.Bool, buried) if buried.any() else None
 
     def _state(self, scatterers: Cells, legs: TableLegs, table: EigenrayTable, origin: np.ndarray,
                active: mi.Bool) -> mi.UInt32:
@@ -205,13 +195,11 @@ class Ground:
             state = dr.select(active & hidden, HIDDEN_BY_BED, state)
         if self._buried is not None:
             # the horizon decides only for points deep below the bed
-            in_doubt = active & (state == FREE) & dr.gather(mi.Bool, self._buried[0], scatterers.label)
+            in_doubt = active & (state == FREE) & dr.gather(mi.Bool, self._buried, scatterers.label)
             aside = dr.copysign(dr.opaque(mi.Float, ASIDE), -dr.dot(scatterers.normal, arrival))
             outward = cast(mi.Float, aside) * scatterers.normal
             place = mi.Point3f(mi.Vector3f(scatterers.point) + outward)
-            geometry = self._facets.geometry
-            under = covered(geometry, over(geometry.still, *self._buried[1]), place, in_doubt)
-            state = dr.select(in_doubt & under, HIDDEN_BY_BED, state)
+            state = dr.select(in_doubt & covered(self._facets.geometry, place, in_doubt), HIDDEN_BY_BED, state)
             if dr.backend_v(mi.Float) != dr.JitBackend.LLVM:
                 dr.eval(state)     # OptiX leaves out what a kernel traces in a second scene, here that of the objects
         if self._objects.exist:
