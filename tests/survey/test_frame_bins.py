@@ -67,24 +67,9 @@ def test_an_empty_bin_lies_where_its_neighbours_do(variant):
     sums[0, 1] = 2.0 * np.array([1, 5, 6, 7])
     sums[0, 3] = 1.0 * np.array([1, 8, 9, 10])
     frame = FrameBins(np.linspace(-0.5, 0.5, beams + 1), lobe=0, lead=0, bins=bins)
-    energy, place, depth = frame.ground(floats(sums), origin)
+    energy, place = frame.ground(floats(sums), origin)
     assert (energy == sums[..., 0]).all()
     first, both, last = (5, 6, 7), (6, 7, 8), (8, 9, 10)
     assert np.allclose(place[0], np.array([first, first, both, last]) + [100, 200, 0])
-    assert np.isnan(place[1]).all() and np.array_equal(depth, place[..., 2], equal_nan=True)
-
-
-def test_a_mean_depth_is_that_of_all_echoes(variant):
-    """Echoes of two kinds in one bin, and a kind so strong that the other's bins count as empty."""
-    frame = FrameBins(np.linspace(-0.5, 0.5, 2), lobe=0, lead=0, bins=5)
-    bed, weak, strong = (np.zeros((1, 5, 4)) for _ in range(3))
-    bed[0, 1], bed[0, 3] = 2.0 * np.array([1, 5, 6, 7]), [1, 8, 9, 10]
-    weak[0, 1], strong[0, 4] = 2.0 * np.array([1, 0, 0, 9]), 1e7 * np.array([1, 0, 0, 20])
-
-    def depth(more, cell):
-        energy, place, depth = frame.ground(floats(bed), np.zeros(3), (floats(more), np.array([cell])))
-        assert (energy == bed[..., 0]).all() and np.nanmax(place[..., 2]) == 10
-        return depth[0]
-
-    assert np.allclose(depth(weak, 1), [8, 8, 42 / 5, 10, 10])
-    assert np.allclose(depth(strong, 4), [np.nan, np.nan, np.nan, 20, 20], equal_nan=True)
+    assert np.isnan(place[1]).all()
+    assert np.allclose(frame.mean_depth(floats(sums), floats(sums))[0], [7, 7, 8, 10])

@@ -7,7 +7,7 @@ hence every bit of the result, depends on the echoes alone.
 
 Sums of four numbers an echo in cells of a table (row, column), on the device, the same in every bit on the CPU.
 
-    S[r, c] = Σ E (1, x, y, z) of the echoes of the cell                                       one packet an echo
+    S[r, c] = Σ (a, b, c, d) of the echoes of the cell                                         one packet an echo
 """
 from __future__ import annotations
 
@@ -19,8 +19,6 @@ import numpy as np
 
 from mitsonar.device.arrays import arrays_of, looped, upload
 from mitsonar.device.types import ArrayTypes, Bool, Float, UInt32
-
-from .transforms import divided
 
 STRIPE = 8                         # rows: 11 of 4000 columns stay in a core's cache
 LANES = 1 << 14                    # of a work block: Dr.Jit's largest
@@ -69,25 +67,23 @@ def add_by_stripes(lib: ArrayTypes, starts: np.ndarray, mine: np.ndarray, add: C
     looped((begin + lane - bundle * NEIGHBOURS,), lambda place: place < end, turn, "echoes")
 
 
-def cell_sums(cell: UInt32, inside: Bool, energy: Float, others: Sequence[Float], *, rows: int, columns: int) -> Float:
-    """Sum energies in cells, and the energies times three other values."""
-    # cell (H,); inside (H,); energy (H,); others (H,)
+def cell_sums(cell: UInt32, inside: Bool, values: Sequence[Float], *, rows: int, columns: int) -> Float:
+    """Sum values in cells."""
+    # cell (H,); inside (H,); values (H,)
     lib = arrays_of(cell)
     sums = dr.zeros(lib.Float, 4 * rows * columns)
     if dr.backend_v(lib.Float) != dr.JitBackend.LLVM:
-        dr.scatter_add(sums, lib.Array4f(energy, *(energy * other for other in others)), cell, inside)
+        dr.scatter_add(sums, lib.Array4f(*values), cell, inside)
         dr.eval(sums)
         return sums
     stripes = -(-rows // STRIPE)
-    own, _ = divided(lib, cell, STRIPE * columns)
-    stripe = dr.select(inside, own, dr.opaque(lib.UInt32, stripes))
-    dr.eval(cell, inside, stripe, energy, list(others))
+    stripe = dr.select(inside, cell // dr.opaque(lib.UInt32, STRIPE * columns), dr.opaque(lib.UInt32, stripes))
+    dr.eval(cell, list(values))
     order, starts = ordered(stripe, stripes)
 
     def add(place: UInt32) -> None:
         echo = dr.gather(lib.UInt32, order, place)
-        part = dr.gather(lib.Float, energy, echo)
-        dr.scatter_add(sums, lib.ArrayXf([part, *(part * dr.gather(lib.Float, other, echo) for other in others)]),
+        dr.scatter_add(sums, lib.ArrayXf([dr.gather(lib.Float, value, echo) for value in values]),
                        dr.gather(lib.UInt32, cell, echo), mode=dr.ReduceMode.NoConflicts)
 
     add_by_stripes(lib, starts, np.arange(stripes), add)

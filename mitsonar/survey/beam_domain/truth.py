@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import chain
 
 import drjit as dr
 import mitsuba as mi
@@ -28,7 +27,7 @@ from mitsonar.scene.labels import ShapeLabels
 from mitsonar.signal.beam_grid.stripes import cell_sums
 from mitsonar.signal.beam_grid.transforms import divided
 
-from .blur import ROWS, Blur, OneBeam
+from .blur import Blur, OneBeam
 from .ground import FREE
 from .ping_echoes import GridEchoes, TargetEchoes
 
@@ -61,7 +60,7 @@ class FrameBins:
         return self.beams * self.bins
 
     def cell_of(self, echoes: GridEchoes) -> tuple[mi.UInt32, mi.Bool]:
-        """Return the cells of echoes, and True for echoes with energy inside the image."""
+        """Return the cells of echoes, and True for echoes with energy inside the image; both are evaluated."""
         first, last, per_sine = self._ends
         sine = held(echoes.sine, first, last)
         beam = _beam(self._table, self._edges, mi.UInt32(held((sine - first) * per_sine, 0.0, self._places)), sine)
@@ -70,70 +69,53 @@ class FrameBins:
             bin = dr.floor((bin + 0.5) * dr.opaque(mi.Float, 1 / self._per_bin))
         inside = (echoes.sine >= first) & (echoes.sine < last) & (bin >= 0) & (
             bin < dr.opaque(mi.Float, self.bins)) & (echoes.energy > 0)
-        return beam * dr.opaque(mi.UInt32, self.bins) + mi.UInt32(dr.select(inside, bin, 0)), inside
+        cell = beam * dr.opaque(mi.UInt32, self.bins) + mi.UInt32(dr.select(inside, bin, 0))
+        dr.eval(cell, inside)
+        return cell, inside
 
     def sums(self, cell: mi.UInt32, active: mi.Bool, *columns: mi.Float) -> mi.Float:
         """Return the sums over each cell of an energy, and of the energy times x, y and depth, Float (4 B T,)."""
         energy, *place = columns
-        return cell_sums(cell, active, energy, place, rows=self.beams, columns=self.bins)
+        return cell_sums(cell, active, [energy, *(energy * axis for axis in place)], rows=self.beams, columns=self.bins)
 
-    def ground(self, sums: mi.Float, origin: np.ndarray,
-               more: tuple[mi.Float, np.ndarray] | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the energies and mean places of `sums`, and the mean depths of these and `more` together.
-
-        `more` holds sums that are 0 but in a few cells, and the numbers of these.
-        """
-        # origin (3,) [m] -> energy (B, T), place (B, T, 3) [m], depth (B, T) [m]
-        index = dr.arange(mi.UInt32, self.cells)
-        total = dr.gather(mi.Float, sums, 4 * index)
-        dr.eval(total)
-        most = float(dr.max(total)[0])
-        mean = self._means([sums], origin, index, HARDLY * most)
-        # a row of four is written as one packet
+    def ground(self, sums: mi.Float, origin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the energies and mean places of `sums`."""
+        # origin (3,) [m] -> energy (B, T), place (B, T, 3) [m]
+        total, mean = self._means([sums], origin)
+        # a row of four is written as one packet; the fourth number is unused
         place = dr.empty(mi.Float, 4 * self.cells)
-        dr.scatter(place, arrays_of(mi.Float).Array4f(*mean, mean[2]), index)
-        if more is not None:
-            near, depth = self._depths_with(sums, *more, total, most)
-            dr.scatter(place, depth, 4 * near + 3)
+        dr.scatter(place, arrays_of(mi.Float).Array4f(*mean, 0), dr.arange(mi.UInt32, self.cells))
         dr.eval(place)
-        rows = place.numpy().reshape(self.beams, self.bins, 4)
-        return self._shaped(total), rows[..., :3], rows[..., 3]
+        return self._shaped(total), place.numpy().reshape(self.beams, self.bins, 4)[..., :3]
 
-    def _depths_with(self, sums: mi.Float, more: mi.Float, cell: np.ndarray, total: mi.Float,
-                     most: float) -> tuple[mi.UInt32, mi.Float]:
-        """Return the cells whose mean depth changes with `more`, and these depths [m]; see `ground`."""
-        few = np.unique(cell)
-        there = mi.UInt32(few.astype(np.uint32))
-        both = dr.gather(mi.Float, sums, 4 * there) + dr.gather(mi.Float, more, 4 * there)
-        least = [HARDLY * float(value) for value in (most, max(most, both.numpy().max()))]
-        before, after = (dr.opaque(mi.Float, value) for value in least)
-        if least[1] > least[0]:        # bins that now are empty take the places of their neighbours, too
-            few = np.concatenate([few, compressed((total > before) & (total <= after)).numpy()])
-        near = np.unique(few.astype(np.int64)[:, None] + np.arange(-1, 2))
-        index = mi.UInt32(near[(near >= 0) & (near < self.cells)].astype(np.uint32))
-        return index, self._means([sums, more], np.zeros(3), index, least[1])[2]
+    def mean_depth(self, *sums: mi.Float) -> np.ndarray:
+        """Return the mean depths of all `sums` together, (B, T) [m]."""
+        return self._shaped(self._means(sums, np.zeros(3))[1][2])
 
     def _shaped(self, values: mi.Float | mi.UInt32) -> np.ndarray:
         """Return values of cells on the host, (B, T)."""
         return values.numpy().reshape(self.beams, self.bins)
 
-    def _means(self, sums: Sequence[mi.Float], origin: np.ndarray, index: mi.UInt32, least: float) -> list[mi.Float]:
-        """Return the means of x, y and depth of all `sums` in cells; bins of at most the `least` energy are empty."""
-        lib, faint = arrays_of(mi.Float), dr.opaque(mi.Float, least)
+    def _means(self, sums: Sequence[mi.Float], origin: np.ndarray) -> tuple[mi.Float, list[mi.Float]]:
+        """Return the energies of all `sums`, evaluated, and the means of x, y and depth; see `ground`."""
+        lib, index = arrays_of(mi.Float), dr.arange(mi.UInt32, self.cells)
 
         def of(cell: mi.UInt32, active: mi.Bool) -> dr.ArrayBase:
             return sum((dr.gather(lib.Array4f, part, cell, active) for part in sums[1:]),
                        dr.gather(lib.Array4f, sums[0], cell, active))
 
         own = of(index, mi.Bool(True))
+        total = own[0]
+        dr.eval(total)
+        least = dr.opaque(mi.Float, HARDLY * float(dr.max(total)[0]))
         # a bin that has no scatterer by chance takes the places of its neighbours
-        empty, (_, column) = ~(own[0] > faint), divided(lib, index, self.bins)
+        empty, (_, column) = ~(total > least), divided(lib, index, self.bins)
         last = dr.opaque(mi.UInt32, self.bins - 1)
         near = own + of(index - 1, empty & (column > 0)) + of(index + 1, empty & (column < last))
-        has_bed = near[0] > faint
+        has_bed = near[0] > least
         per_energy = dr.rcp(dr.select(has_bed, near[0], 1))
-        return [dr.select(has_bed, dr.fma(moment, per_energy, dr.opaque(mi.Float, float(zero))), dr.nan)
-                for moment, zero in zip((near[1], near[2], near[3]), (origin[0], origin[1], 0.0))]
+        return total, [dr.select(has_bed, dr.fma(moment, per_energy, dr.opaque(mi.Float, float(zero))), dr.nan)
+                       for moment, zero in zip((near[1], near[2], near[3]), (origin[0], origin[1], 0.0))]
 
     def counted(self, echoes: GridEchoes, cell: mi.UInt32, active: mi.Bool, in_lobe: mi.Bool | None,
                 depth_below: float, farthest: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -213,20 +195,6 @@ class _TruthPlane:
         return (slice(self.first_beam, self.first_beam + self.energy.shape[0]),
                 slice(self.first_bin, self.first_bin + self.energy.shape[1]))
 
-    def within(self, box: tuple[slice, ...]) -> tuple[tuple[slice, ...], np.ndarray, int]:
-        """Return the part of a box, in slices from its first beam and bin, that this one fills: energies and label."""
-        ends = [(max(own.start, its.start), min(own.stop, its.stop)) for own, its in zip(self.where, box)]
-        there, here = (tuple(slice(start - first.start, max(stop, start) - first.start)
-                             for (start, stop), first in zip(ends, origin)) for origin in (box, self.where))
-        return there, self.energy[here], self.label
-
-    def strips(self) -> Iterator[tuple[tuple[slice, slice], np.ndarray]]:
-        """Yield slices of few beams of the box, which stay in a core's cache, and their energies."""
-        beams, bins = self.where
-        for first in range(0, len(self.energy), ROWS):
-            energy = self.energy[first:first + ROWS]
-            yield (slice(beams.start + first, beams.start + first + len(energy)), bins), energy
-
 
 @dataclass(frozen=True, kw_only=True)
 class _TruthGround:
@@ -269,11 +237,14 @@ class FrameTruth:
         share = np.zeros((shape[0], self._labels, shape[1]), np.float32)
         per_total = np.reciprocal(total, out=np.zeros(shape, np.float32), where=total > 0)
         for number, of_instance in by_label.items():
-            for where, energy in chain.from_iterable(plane.strips() for plane in of_instance):
-                part, most = share[:, number - 1][where], best[where]
-                part += energy * per_total[where]
-                np.copyto(label[where], np.uint32(number), where=part > most)
-                np.maximum(most, part, out=most)
+            for plane in of_instance:
+                beams, bins = plane.where
+                part = plane.energy * per_total[plane.where]
+                share[beams, number - 1, bins] += part
+                part = share[beams, number - 1, bins]
+                more = part > best[plane.where]
+                label[plane.where] = np.where(more, np.uint32(number), label[plane.where])
+                best[plane.where] = np.maximum(best[plane.where], part)
         dark, object_shadow = self._shadows(ground, total)
         return EnergyRecord(
             intensity=total * np.float32(source_power), depth=ground.depth, rays=ground.rays,
@@ -296,15 +267,12 @@ class FrameTruth:
         free = inside & (echoes.state == FREE)
         on_bed = free & dr.gather(mi.Bool, self._is_seabed, echoes.label)
         columns = echoes.energy, echoes.x, echoes.y, echoes.depth
-        of_others = free & ~on_bed
-        dr.schedule(inside, free, of_others)       # in the kernel of the sums
         sums = bins.sums(cell, on_bed, *columns)
-        others, more = compressed(of_others), None
+        (energy, place), others = bins.ground(sums, origin), compressed(free & ~on_bed)
+        depth = place[..., 2]
         if dr.width(others):
             own = (dr.gather(mi.Float, column, others) for column in columns)
-            theirs = dr.gather(mi.UInt32, cell, others)
-            more = bins.sums(theirs, mi.Bool(True), *own), theirs.numpy()
-        energy, place, depth = bins.ground(sums, origin, more)
+            depth = bins.mean_depth(sums, bins.sums(dr.gather(mi.UInt32, cell, others), mi.Bool(True), *own))
         layover, rays, rays_in_beam = bins.counted(echoes, cell, free, in_lobe, depth_below, farthest)
         seabed = []
         if len(self._seabed) == 1:
@@ -352,7 +320,6 @@ class FrameTruth:
         parts = []
         for target in targets:
             cell, inside = self._bins.cell_of(target.echoes)
-            dr.eval(cell, inside)
             shown = np.flatnonzero(inside.numpy() & (target.label > 0))
             number = target.label[shown].astype(np.int64) * self._bins.cells + cell.numpy()[shown]
             parts.append((number, target.echoes.real.numpy()[shown], target.echoes.imaginary.numpy()[shown]))
@@ -366,19 +333,21 @@ class FrameTruth:
         hidden, shadow = np.zeros(total.shape, np.float32), np.zeros(total.shape, np.uint32)
         if not ground.lost:
             return hidden, shadow
-        places = [plane.where for plane in ground.lost]
-        box = tuple(slice(min(place.start for place in along), max(place.stop for place in along))
-                    for along in zip(*places))
-        lost, most = np.zeros_like(total[box]), np.zeros_like(total[box])
-        for where, energy, number in (plane.within(box) for plane in ground.lost):
-            lost[where] += energy
-            np.copyto(shadow[box][where], np.uint32(number), where=energy > most[where])
-            np.maximum(most[where], energy, out=most[where])
+        lost, most = np.zeros(total.shape, np.float32), np.zeros(total.shape, np.float32)
+        for plane in ground.lost:
+            lost[plane.where] += plane.energy
+            more = plane.energy > most[plane.where]
+            shadow[plane.where] = np.where(more, plane.label, shadow[plane.where])
+            most[plane.where] = np.maximum(most[plane.where], plane.energy)
+        bins = np.flatnonzero(lost)
         bed = lost.copy()
-        for where, energy, _ in (plane.within(box) for plane in ground.seabed):
-            bed[where] += energy
-        np.divide(lost, bed, out=hidden[box], where=lost != 0)
-        shadow[box][(hidden[box] <= HALF) | (total[box] >= HALF * bed)] = 0
+        for plane in ground.seabed:
+            bed[plane.where] += plane.energy
+        bed, taken = bed.ravel()[bins], lost.ravel()[bins]
+        share = taken / bed
+        hidden.ravel()[bins] = share
+        dark = (share > HALF) & (total.ravel()[bins] < HALF * bed)
+        shadow.ravel()[bins[~dark]] = 0
         return hidden, shadow
 
 
