@@ -121,6 +121,10 @@ class Targets(mi.Mesh):
             targets = place(bodies, bed, rules, count=count, seed=stream, taken=taken, crowded=attributes.crowded)
         except ValueError as error:
             raise attributes.error(f"{error}.") from None
+        floating = next((target for target in targets if target.height and target.vertices[:, 2].min() > 0), None)
+        if floating is not None:
+            raise attributes.error(f"target {floating.number}, of height {floating.height:.4g} m, floats above the sea "
+                                   "surface (z = 0); give a height below the depth of the seabed.")
         if len(targets) < count:
             warnings.warn(f"{identity}: {len(targets)} of {count} targets found room", stacklevel=2)
         if scour is not None:

@@ -188,6 +188,7 @@ def test_a_folder_states_class_units_and_axes_of_its_meshes(strewn, tmp_path):
     ({"exclude": "0, 0, 1"}, "exclude holds 3 numbers; expected four a box"),
     ({"area": "100, 100, 120, 120"}, "the area 100, 100, 120, 120 lies beside the seabed, which is -30, -20, 30, 20"),
     ({"spacing": 40.0}, "of 5 targets found room on 60 x 40 m"),
+    ({"height": 10.5}, "target 1, of height 10.5 m, floats above the sea surface (z = 0); give a height below"),
     ({"seed": -1}, "seed is the integer -1; expected an integer at least 0"),
     ({"radius": 2.0}, 'unknown attribute "radius"'),
 ])
