@@ -172,7 +172,7 @@ class Ensonification:
         if not self.sights.mirror or self.ghosts.max_depth == 1:
             return
         sources, start = self._source(origin)
-        way = self.connector.connect(sources, start, mi.UInt32(0), cells.point, cells.normal, coarse=True)
+        way = self.connector.connect(sources, start, mi.UInt32(0), cells.point, cells.normal)
         yield from self.ghosts.of_cells(sources, start, way, cells, cells.area)
 
     def random_echoes(self, origin: np.ndarray, rotation: np.ndarray, depth_below: float,
@@ -244,7 +244,7 @@ class Ensonification:
         cells = self.scatterers.at(facet, k)
         cells = self.scatterers.glinted(cells, cells.area if share is None else cells.area / share)
         way = self.connector.connect(sources, origin, mi.UInt32(0), cells.point, cells.normal,
-                                     occlusion=from_rays is None, coarse=True)
+                                     occlusion=from_rays is None)
         reached = way.free & (way.travel_time < dr.opaque(mi.Float64, 0.55 * self.window[1] + 1e-3))
         if from_rays is not None:
             energy, area = from_rays

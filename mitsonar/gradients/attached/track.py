@@ -69,7 +69,7 @@ class AttachedTrack:
             z = z - dr.gather(mi.Float64, tangent(position), 4 * dr.arange(mi.UInt32, count) + 2)
         speed, moments = self._layers.at(z)
         state: Any = PingStates(depth=z, speed=speed, moments=moments)
-        sources = Sources(ray_fans=place.sources.ray_fans, state=state, coarser=place.sources.coarser)
+        sources = Sources(ray_fans=place.sources.ray_fans, state=state)
         return place.attached(position, self._rotations(place, self._rotation, self._slopes, 4), sources)
 
     def _position(self, place: Place) -> mi.Float64 | None:

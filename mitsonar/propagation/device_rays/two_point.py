@@ -30,6 +30,7 @@ from .layer_table import LayerTable
 
 SERIES_LIMIT = 2e-6
 FAR_OFF = 0.02             # [m] a walked ray that passes its hit by more is aimed again
+SLANT = 0.01               # cosine between a facet's normal and a ray, below which a hit stays on its chord
 LEVEL = 5e-3               # depth difference over distance below which moments are rounding noise
 MAX_TUBE_GAIN = 1e4        # spreading area is kept above distance²/this: energy at a caustic stays finite
 
@@ -72,6 +73,20 @@ def source_state(table: LayerTable, source_depth: np.ndarray) -> SourceState:
     return SourceState(rows=rows)
 
 
+def _means(table: LayerTable, lib: ArrayTypes, z: Float64, z0: Float64,
+           moments0: list[Float64]) -> tuple[Float64, Float64, Float64, Float64, Float, Float]:
+    """Return c, H, and the mean and the central moments m_2, m_3, m_4 of 1/c² between two depths, over r0."""
+    F = lib.Float
+    c, moments = table.at(z)
+    height = abs(z - z0)
+    per_height = dr.sign(z - z0) / dr.maximum(height, 1e-9)
+    n1, n2, n3, n4 = ((moments[i] - moments0[i]) * per_height for i in range(4))
+    m2 = n2 - n1 * n1
+    m3 = F(n3 - n1 * (3 * n2 - 2 * n1 * n1))
+    m4 = F(n4 - n1 * (4 * n3 - n1 * (6 * n2 - 3 * n1 * n1)))
+    return c, height, n1, m2, m3, m4
+
+
 def _series(table: LayerTable, lib: ArrayTypes, p: Float64, x: Float64, z: Float64, z0: Float64,
             moments0: list[Float64]) -> tuple[Float64, Float, Float, Float, Float64, Float64, Float, Float]:
     """Evaluate the O(1) series: T, D, S, X/p, refined p, c, a4 (NaN or large where the series is invalid) and the
@@ -80,13 +95,7 @@ def _series(table: LayerTable, lib: ArrayTypes, p: Float64, x: Float64, z: Float
     Time and p are float64. The miss, which enters T squared, and D and S are float32 for twice as many lanes.
     """
     F, wide = lib.Float, lib.Float64
-    c, moments = table.at(z)
-    height = abs(z - z0)
-    per_height = dr.sign(z - z0) / dr.maximum(height, 1e-9)
-    n1, n2, n3, n4 = ((moments[i] - moments0[i]) * per_height for i in range(4))
-    m2 = n2 - n1 * n1
-    m3 = F(n3 - n1 * (3 * n2 - 2 * n1 * n1))
-    m4 = F(n4 - n1 * (4 * n3 - n1 * (6 * n2 - 3 * n1 * n1)))
+    c, height, n1, m2, m3, m4 = _means(table, lib, z, z0, moments0)
     # p and q in units of sqrt(r0): s² = 1 + <e>
     s2 = 1 + n1
     root = dr.sqrt(table.reference)
@@ -118,6 +127,15 @@ def _series(table: LayerTable, lib: ArrayTypes, p: Float64, x: Float64, z: Float
         1 + a2 * (0.375 - 0.5 * b1 + b2) + a3 * (-0.3125 + 0.375 * b1 - 0.5 * b2 + b3)
         + a4 * (35 / 128 - 0.3125 * b1 + 0.375 * b2 - 0.5 * b3 + b4))
     return time, slope * per_root, arc, per_p * per_root, p, c, a4, first_miss
+
+
+def _is_direct(lib: ArrayTypes, drop: Float64, s0: Float64, cosine: Float64, x: Float64, a4: Float, miss: Float,
+               tolerance: Float64) -> Bool:
+    """Return True where the series holds; else the ray turned, missed the hit, or the series is too slow."""
+    direct = (drop * s0 > 0) & (cosine < 1) & (abs(miss) < lib.Float(10 * tolerance + 0.05 * x))
+    # a4 >= 0 but for rounding, which is what is left of it where the depths nearly agree
+    close = abs(drop) < LEVEL * x
+    return direct & (abs(a4) < SERIES_LIMIT) & ~close
 
 
 @dr.syntax
@@ -181,11 +199,7 @@ def to_hit(table: LayerTable, lib: ArrayTypes, source: SourceState | PointState,
     sine = dr.sqrt(F(dr.maximum(1 - p * p * c * c, 0)))
     area = range_per_p * slope * sine * sine0 / F(c0 * c0)             # X |D| sinθ sinθ0 / (c0 cosθ0), cosθ0 = p c0
     sine = dr.select(z < z0, -sine, sine)
-    # the ray heads away from the hit, or missed it: it turned; or the series is too slow: walk the arcs
-    direct = ((z - z0) * s0 > 0) & (p0 * c < 1) & (abs(miss) < F(10 * tolerance + 0.05 * x))
-    # a4 >= 0 but for rounding, which is what is left of it where the depths nearly agree
-    close = abs(z - z0) < LEVEL * x
-    bent = valid & ~(direct & (abs(a4) < SERIES_LIMIT) & ~close)
+    bent = valid & ~_is_direct(lib, z - z0, s0, p0 * c, x, a4, miss, tolerance)
     if bent:
         z_x, t_x, arc_x, v, s_x, c_x, g_x = walk(table, lib, z0, c0, s0, p0, x, bent)
         dz = z - z_x
@@ -210,3 +224,43 @@ def to_hit(table: LayerTable, lib: ArrayTypes, source: SourceState | PointState,
         sine = cast(Float, dr.copysign(dr.sqrt(F(dr.maximum(1 - p * p * c * c, 0))), F(s_x)))
     area = dr.maximum(area, F(x * x + dr.square(z - z0)) * (1 / MAX_TUBE_GAIN))
     return time, arc, area, p, sine, c
+
+
+@dr.syntax
+def to_launched(table: LayerTable, lib: ArrayTypes, source: SourceState | PointState, source_index: UInt32, s0: Float64,
+                cosine0: Float64, x: Float64, z: Float64, facing: tuple[Float, Float], valid: Bool,
+                tolerance: Float64) -> tuple[Float, Float]:
+    """Return how far hits on chords move within their facets, onwards and down [m], on to the rays as launched.
+
+    The launched ray passes a hit I at Q, at its depth (m = x - X) or at its range (dz). From there it goes on along its
+    tangent t to the facet of normal n:
+
+        I' = Q + t n·(I - Q) / n·t,     I - Q = (m, 0) or (0, dz)
+
+    Neighbouring rows of a fan have different chords; without this, their hits would gape or crowd.
+    """
+    # as of `to_hit`; facing: n·h along the heading and downwards
+    F = lib.Float
+    z0, c0, moments0 = source.gather(lib, source_index)
+    p0 = cosine0 / c0
+    c, height, n1, m2, m3, m4 = _means(table, lib, z, z0, moments0)
+    w = dr.rcp(F(1 + n1 - p0 * p0 * table.scale))
+    a2 = F(m2) * w * w
+    per_p = F(height) * dr.sqrt(w) * (1 + 0.375 * a2 - 0.3125 * m3 * w * w * w)
+    miss = F(x) - per_p * F(p0 / dr.sqrt(table.reference))
+    cosine = F(p0 * c)
+    sine = cast(Float, dr.copysign(dr.sqrt(dr.maximum(1 - cosine * cosine, 0)), F(s0)))
+    onwards, down = facing
+    head = onwards * miss
+    from_x, from_z = miss, F(0)
+    bent = valid & ~_is_direct(lib, z - z0, s0, p0 * c, x, m4 * (w * w) * (w * w), miss, tolerance)
+    if bent:
+        z_x, _, _, _, s_x, c_x, _ = walk(table, lib, z0, c0, s0, p0, x, bent)
+        from_x, from_z = F(0), F(z - z_x)
+        head = down * from_z
+        cosine, sine = F(p0 * c_x), F(s_x)
+    towards = dr.fma(onwards, cosine, down * sine)
+    near = abs(dr.fma(from_x, sine, from_z * cosine)) < FAR_OFF
+    step = dr.select(valid & near & (abs(towards) > SLANT), head / towards, dr.nan)
+    moved = step == step
+    return (dr.select(moved, dr.fma(step, cosine, -from_x), 0), dr.select(moved, dr.fma(step, sine, -from_z), 0))

@@ -55,15 +55,14 @@ class Connector:
 
     def connect(self, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32, point: dr.ArrayBase,
                 normal: mi.Vector3f, active: mi.Bool | bool = True, *, occlusion: bool = True,
-                short: float = 0.0, coarse: bool = False) -> Connection:
+                short: float = 0.0) -> Connection:
         """Connect each point (R,) to a source (R,) at `origin`, and stop `short` [m] of the point."""
         x, heading = _seen_from(origin, point)
         way, (cosine, _) = self._eigenray(self.water.layers(), sources.state, source, x, heading, -point.z, active)
         through = self._through_field(way, origin, heading, point)
         if not occlusion:
             return through
-        fans = sources.shadow_fans if coarse else sources.ray_fans
-        blocked = self._blocked(fans, origin, source, way, cosine, heading, point, normal, short)
+        blocked = self._blocked(sources.ray_fans, origin, source, way, cosine, heading, point, normal, short)
         return replace(through, free=way.exists & ~blocked)
 
     def connect_in_water(self, sources: Sources, origin: dr.ArrayBase, point: dr.ArrayBase) -> Connection:

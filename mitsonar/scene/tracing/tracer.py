@@ -2,12 +2,12 @@
 
 Each ray follows the chords of its row of the ray fan (`device_rays.ray_fans`), with one triangle query for each chord,
 until the first hit. The hit point is rebuilt in float64 from barycentrics and vertices (float32 along the ray would
-cost 1e-5 m), and the exact eigenray to that point gives time, spreading and angles (`device_rays.two_point`).
+cost 1e-5 m), and moves within its facet from the chord on to the ray. The exact eigenray to that point gives time,
+spreading and angles (`device_rays.two_point`).
 """
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cached_property, partial
 from typing import cast
 
 import drjit as dr
@@ -17,31 +17,24 @@ import numpy as np
 from mitsonar.device.arrays import arrays_of, where_any
 from mitsonar.device.types import Record
 from mitsonar.propagation.device_rays.ray_fans import FEWEST_VERTICES, RayFans, build_ray_fans
-from mitsonar.propagation.device_rays.two_point import SourceState, to_hit
+from mitsonar.propagation.device_rays.two_point import SourceState, to_hit, to_launched
 
 from ..geometry import Geometry, interpolated
 from ..labels import OBJECT, SEABED
 from .hits import Hits, towards_sound
 from .water import DeviceWater
 
-# [m] chord against arc. Neighbouring rows of a ray fan have different chords, so the hits of random rays jump by as
-# much over the sine of the grazing angle, and leave gaps or crowd: 0.1 of a 0.1 m bin at 5 degrees would be 0.4 dB.
-FAN_TOLERANCE = 0.0002
-SHADOW_TOLERANCE = 0.002         # [m] the same for occlusion alone: a third of the chords
+# [m] chord against arc: how far the edges of what hides and of what is hit are off. Hits themselves are not, as they
+# move from the chords on to the rays.
+FAN_TOLERANCE = 0.002
 BEYOND = 0.001         # [m] behind a hit on an object, where its ray goes on; more than the rounding of float32
 
 
 class Sources(Record):
     """Ray fans and medium for the source depths of a block of pings."""
 
-    ray_fans: RayFans  # for hits
+    ray_fans: RayFans
     state: SourceState
-    coarser: Callable[[], RayFans]  # makes `shadow_fans`
-
-    @cached_property
-    def shadow_fans(self) -> RayFans:
-        """Ray fans of fewer chords, for occlusion alone, made at first use."""
-        return self.coarser()
 
 
 class Tracer:
@@ -64,12 +57,10 @@ class Tracer:
         key = source_depth.tobytes()
         known, sources = self._known
         if sources is None or known != key:
-            build = partial(build_ray_fans, self._layers, self.water.profile, source_depth,
-                            slab=self.geometry.depth_range, max_range=self.max_range)
-            fans = build(tolerance=self.tolerance, max_vertices=self._room)
+            fans = build_ray_fans(self._layers, self.water.profile, source_depth, slab=self.geometry.depth_range,
+                                  max_range=self.max_range, tolerance=self.tolerance, max_vertices=self._room)
             self._room = int(fans.stride[0])        # found by trials; the next depths will need about as much
-            sources = Sources(ray_fans=fans, state=self.water.direct.at(source_depth),
-                              coarser=partial(build, tolerance=max(self.tolerance, SHADOW_TOLERANCE)))
+            sources = Sources(ray_fans=fans, state=self.water.direct.at(source_depth))
             self._known = key, sources
         return sources
 
@@ -105,14 +96,22 @@ class Tracer:
     def _hits(self, sources, origin, source, direction, heading, valid, pi, chord):
         """Complete hits on chords with their eigenrays."""
         lib = self.lib
-        point, facet_normal, smooth, uv, label, shape = self.rebuilt(pi, chord, mi.Point3f(origin), heading, valid)
-        dx, dy = point.x - origin.x, point.y - origin.y
-        x = dr.sqrt(dr.fma(dx, dx, dy * dy))
         s0, cosine0 = _unit_sine(direction, lib.Float64)
+
+        def onto_ray(point: dr.ArrayBase, normal: mi.Vector3f) -> mi.Vector3f:
+            x = _horizontal(point, origin)
+            facing = dr.fma(normal.x, heading.x, normal.y * heading.y), -normal.z
+            onwards, down = to_launched(self._layers, lib, sources.state, source, s0, cosine0, x, -point.z, facing,
+                                        valid, dr.opaque(lib.Float64, self.tolerance))
+            return mi.Vector3f(heading.x * onwards, heading.y * onwards, -down)
+
+        point, facet_normal, smooth, uv, label, shape = self.rebuilt(pi, chord, mi.Point3f(origin), heading, valid,
+                                                                     onto_ray)
+        x = _horizontal(point, origin)
         time, arc, area, p, sine, c = to_hit(self._layers, lib, sources.state, source, s0, cosine0, x, -point.z, valid,
                                              dr.opaque(lib.Float64, self.tolerance))
         # the hit may lie slightly off the launch bearing: directions are those of the eigenray
-        along = mi.Vector2f(dx, dy) * dr.rcp(dr.maximum(mi.Float(x), 1e-9))
+        along = mi.Vector2f(point.x - origin.x, point.y - origin.y) * dr.rcp(dr.maximum(mi.Float(x), 1e-9))
         along = dr.select(mi.Float(x) > 1e-6, along, heading)
         _, c0, _ = sources.state.gather(lib, source)
         cosine0, cosine = mi.Float(p * c0), mi.Float(p * c)
@@ -140,8 +139,12 @@ class Tracer:
         return mesh, face, u, v
 
     def rebuilt(self, pi: mi.PreliminaryIntersection3f, chord: tuple[mi.Float, ...], origin: mi.Point3f,
-                heading: mi.Vector2f, valid: mi.Bool) -> tuple:
-        """Return float64 point, facet normal, smooth normal, texture coordinates, label and shape of hits on chords."""
+                heading: mi.Vector2f, valid: mi.Bool, shift_of: Callable | None = None) -> tuple:
+        """Return float64 point, facet normal, smooth normal, texture coordinates, label and shape of hits on chords.
+
+        `shift_of` may return by how much hits at points, on facets with these normals, move within their facets. Then
+        ``pi`` is moved, too.
+        """
         geometry, wide = self.geometry, self.lib.Array3f64
         row = registry_index(pi)
         mesh, face, u, v = self.facet(pi, valid)
@@ -150,26 +153,32 @@ class Tracer:
         point = wide(a) * (1 - u - v) + wide(b) * u + wide(c) * v
         normal = dr.cross(b - a, c - a)
         normal *= dr.rsqrt(dr.maximum(dr.squared_norm(normal), 1e-30))
-        smooth = None
-        if geometry.normals is not None:
-            smooth = interpolated(self.lib, geometry.normals, face, mi.Float(u), mi.Float(v), mesh)
-        uv = pi.prim_uv
-        if geometry.texcoords is not None:
-            mapped = dr.gather(mi.UInt32, geometry.rows, 4 * row + 3, valid) != 0
-            a_uv, b_uv, c_uv = (mi.Point2f(dr.gather(self.lib.Array2f, geometry.texcoords, face[i], mesh & mapped))
-                                for i in range(3))
-            s, t = mi.Float(u), mi.Float(v)
-            uv = dr.select(mapped, a_uv * (1 - s - t) + b_uv * s + c_uv * t, uv)
+        uv, label, shape = pi.prim_uv, face[3], pi.shape
         if not geometry.only_meshes:
             flags = mi.RayFlags.UV if geometry.textured else mi.RayFlags.Minimal
             si = pi.compute_surface_interaction(_chord_ray(origin, heading, *chord), flags, valid & ~mesh)
             uv = dr.select(mesh, uv, si.uv)
             point = dr.select(mesh, point, dr.select(valid, wide(si.p), 0))
             normal = dr.select(mesh, normal, si.n)
-            label = dr.select(mesh, face[3], dr.gather(mi.UInt32, geometry.rows, 4 * row, valid & ~mesh))
+            label = dr.select(mesh, label, dr.gather(mi.UInt32, geometry.rows, 4 * row, valid & ~mesh))
             # on an instance, the shape within its group is not known before
-            return point, normal, smooth, uv, label, dr.select(valid & ~mesh, si.shape, pi.shape)
-        return point, normal, smooth, uv, face[3], pi.shape
+            shape = dr.select(valid & ~mesh, si.shape, shape)
+        s, t = mi.Float(u), mi.Float(v)
+        if shift_of is not None:
+            shift = shift_of(point, normal)
+            point += wide(shift)
+            ds, dt = _barycentric(b - a, c - a, shift)
+            s, t = s + dr.select(mesh, ds, 0), t + dr.select(mesh, dt, 0)
+            pi.prim_uv = dr.select(mesh, mi.Point2f(s, t), pi.prim_uv)
+        smooth = None
+        if geometry.normals is not None:
+            smooth = interpolated(self.lib, geometry.normals, face, s, t, mesh)
+        if geometry.texcoords is not None:
+            mapped = dr.gather(mi.UInt32, geometry.rows, 4 * row + 3, valid) != 0
+            a_uv, b_uv, c_uv = (mi.Point2f(dr.gather(self.lib.Array2f, geometry.texcoords, face[i], mesh & mapped))
+                                for i in range(3))
+            uv = dr.select(mesh & mapped, a_uv * (1 - s - t) + b_uv * s + c_uv * t, uv)
+        return point, normal, smooth, uv, label, shape
 
 
 def registry_index(pi: mi.PreliminaryIntersection3f | mi.SurfaceInteraction3f) -> mi.UInt32:
@@ -190,6 +199,20 @@ def angles(direction: mi.Vector3f) -> tuple[mi.Float, mi.Vector2f]:
     scale = dr.rcp(dr.select(upright, 1, across))
     return (cast(mi.Float, dr.atan2(-direction.z, across)),
             mi.Vector2f(dr.select(upright, 1, direction.x * scale), direction.y * scale))
+
+
+def _horizontal(point, origin):
+    """Return the horizontal distances of points from origins [m]."""
+    dx, dy = point.x - origin.x, point.y - origin.y
+    return dr.sqrt(dr.fma(dx, dx, dy * dy))
+
+
+def _barycentric(first, second, shift):
+    """Return the changes of barycentrics along two edges by shifts within their plane."""
+    aa, ab, bb = dr.squared_norm(first), dr.dot(first, second), dr.squared_norm(second)
+    along, across = dr.dot(shift, first), dr.dot(shift, second)
+    scale = dr.rcp(dr.maximum(aa * bb - ab * ab, 1e-30))
+    return (bb * along - ab * across) * scale, (aa * across - ab * along) * scale
 
 
 def _unit_sine(direction, wide):

@@ -136,7 +136,7 @@ class Ground:
         depth = -float(origin[2])
         if self._objects.exist:
             return self._objects.sources(depth).ray_fans
-        return self.ensonification.tracer.sources([depth]).shadow_fans
+        return self.ensonification.tracer.sources([depth]).ray_fans
 
     def table(self, ping: int) -> EigenrayTable:
         """Return the table of eigenrays of a ping."""

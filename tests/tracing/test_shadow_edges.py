@@ -1,4 +1,4 @@
-"""Shadows by few chords (`Connector.connect(coarse=True)`) against those by the chords that hits are found with.
+"""Shadows by the chords of ray fans against those by chords ten times nearer to the rays.
 
 Boxes of 0.2 m stand on a flat bed 4 m below the sonar, 10 to 60 m off, in a summer cast whose rays bend by up to 0.1 m
 over that way. Chords within 2 mm of the ray move the edge of a shadow by as much times the ratio of its length to the
@@ -13,7 +13,7 @@ from summer import SUMMER_TABLE
 from mitsonar.device.arrays import arrays_of, upload
 from mitsonar.scene.geometry import Geometry
 from mitsonar.scene.tracing.connection import Connector
-from mitsonar.scene.tracing.tracer import Tracer
+from mitsonar.scene.tracing.tracer import FAN_TOLERANCE, Tracer
 from mitsonar.scene.tracing.water import DeviceWater
 from mitsonar.water import SoundSpeedProfile
 
@@ -38,13 +38,13 @@ def boxes():
 @pytest.mark.parametrize("number", range(len(RANGES)))
 def test_shadows_of_small_boxes_keep_their_edges(variant, boxes, number):
     water, lib, x = DeviceWater(SoundSpeedProfile(*SUMMER_TABLE)), arrays_of(mi.Float), RANGES[number]
-    tracer = Tracer(boxes, water, max_range=80.0)
     east, north = np.meshgrid(x + np.arange(-1.0, 5.0, 0.01), 5 * number + np.arange(-0.5, 0.5, 0.04), indexing="ij")
     point = lib.Array3f64(*(upload(mi.Float64, column.ravel()) for column in (east, north, np.full(east.shape, -BED))))
     free = []
-    for coarse in (False, True):
-        way = Connector(boxes, water).connect(tracer.sources([DEPTH]), lib.Array3f64(0, 5 * number, -DEPTH),
-                                              mi.UInt32(0), point, mi.Vector3f(0, 0, 1), coarse=coarse)
+    for tolerance in (0.1 * FAN_TOLERANCE, FAN_TOLERANCE):
+        sources = Tracer(boxes, water, max_range=80.0, tolerance=tolerance).sources([DEPTH])
+        way = Connector(boxes, water).connect(sources, lib.Array3f64(0, 5 * number, -DEPTH),
+                                              mi.UInt32(0), point, mi.Vector3f(0, 0, 1))
         dr.eval(way.free)
         free.append(way.free.numpy().reshape(east.shape))
     fine, coarse = free
