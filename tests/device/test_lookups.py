@@ -20,7 +20,7 @@ from mitsonar.device.arrays import arrays_of, held, upload
 from mitsonar.echoes.sums.origin_sums import SECTORS, sector
 from mitsonar.propagation.device_rays.layer_table import layer_table
 from mitsonar.propagation.device_rays.ray_fans import build_ray_fans
-from mitsonar.propagation.device_rays.two_point import source_state, to_hit, walk
+from mitsonar.propagation.device_rays.two_point import PointState, source_state, to_hit, walk
 from mitsonar.propagation.numpy_rays.exact_returns import exact_return
 from mitsonar.propagation.returns.travel import steady
 from mitsonar.scattering.surfaces.lobe_table import LobeTable, RatioTable
@@ -83,7 +83,7 @@ def _to_a_hit():
     table = layer_table(PROFILE, Float)
     sine, z = pairs(Float64)
     return to_hit(table, arrays_of(Float), source_state(table, np.array([20.0])), UInt32(0), sine, Float64(0.9),
-                  Float64(100), z, dr.full(dr.mask_t(Float), True, dr.width(z)), Float64(0.01))
+                  Float64(100), PointState.at(table, z), dr.full(dr.mask_t(Float), True, dr.width(z)), Float64(0.01))
 
 
 def _returns():

@@ -38,8 +38,9 @@ def earliest(table: LayerTable, lib: ArrayTypes, source: SourceState | PointStat
     """Find and evaluate the earliest direct or once-turned ray from sources to points."""
     # source_index (R,); x, z (R,) [m]; active (R,)
     active &= dr.isfinite(x) & dr.isfinite(z)
-    sine0, cosine0, found = aim(table, lib, source, source_index, x, z, active)
-    time, arc, area, p, sine, c = to_hit(table, lib, source, source_index, sine0, cosine0, x, z, found,
+    end = PointState.at(table, z)
+    sine0, cosine0, found = aim(table, lib, source, source_index, x, end, active)
+    time, arc, area, p, sine, c = to_hit(table, lib, source, source_index, sine0, cosine0, x, end, found,
                                          dr.opaque(lib.Float64, CLOSE_ENOUGH))
     z0, _, _ = source.gather(lib, source_index)
     found &= dr.isfinite(time) & dr.isfinite(p)

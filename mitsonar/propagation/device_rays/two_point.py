@@ -54,9 +54,24 @@ class PointState(Record):
     speed: Float64
     moments: list[Float64]
 
+    @classmethod
+    def at(cls, table: LayerTable, depth: Float64) -> "PointState":
+        """Return the medium at depths (R,) [m]."""
+        speed, moments = table.at(depth)
+        return cls(depth=depth, speed=speed, moments=moments)
+
     def gather(self, lib: ArrayTypes, index: UInt32) -> tuple[Float64, Float64, list[Float64]]:
         """Return the same as `SourceState.gather`; the index is ignored."""
         return self.depth, self.speed, self.moments
+
+    def moved(self, table: LayerTable, down: Float) -> "PointState":
+        """Return the medium centimetres deeper, (R,) [m], at the same sound speed: times are right to 1e-11 s."""
+        e, step = table.scale / (self.speed * self.speed) - 1, table.lib.Float64(down)
+        moments, power = [], step * e
+        for moment in self.moments:
+            moments.append(moment + power)
+            power = power * e
+        return PointState(depth=self.depth + step, speed=self.speed, moments=moments)
 
 
 def source_state(table: LayerTable, source_depth: np.ndarray) -> SourceState:
@@ -73,29 +88,28 @@ def source_state(table: LayerTable, source_depth: np.ndarray) -> SourceState:
     return SourceState(rows=rows)
 
 
-def _means(table: LayerTable, lib: ArrayTypes, z: Float64, z0: Float64,
-           moments0: list[Float64]) -> tuple[Float64, Float64, Float64, Float64, Float, Float]:
-    """Return c, H, and the mean and the central moments m_2, m_3, m_4 of 1/c² between two depths, over r0."""
+def _means(lib: ArrayTypes, end: PointState, z0: Float64,
+           moments0: list[Float64]) -> tuple[Float64, Float64, Float64, Float, Float]:
+    """Return H, and the mean and the central moments m_2, m_3, m_4 of 1/c² between two depths, over r0."""
     F = lib.Float
-    c, moments = table.at(z)
-    height = abs(z - z0)
-    per_height = dr.sign(z - z0) / dr.maximum(height, 1e-9)
-    n1, n2, n3, n4 = ((moments[i] - moments0[i]) * per_height for i in range(4))
+    height = abs(end.depth - z0)
+    per_height = dr.sign(end.depth - z0) / dr.maximum(height, 1e-9)
+    n1, n2, n3, n4 = ((end.moments[i] - moments0[i]) * per_height for i in range(4))
     m2 = n2 - n1 * n1
     m3 = F(n3 - n1 * (3 * n2 - 2 * n1 * n1))
     m4 = F(n4 - n1 * (4 * n3 - n1 * (6 * n2 - 3 * n1 * n1)))
-    return c, height, n1, m2, m3, m4
+    return height, n1, m2, m3, m4
 
 
-def _series(table: LayerTable, lib: ArrayTypes, p: Float64, x: Float64, z: Float64, z0: Float64,
-            moments0: list[Float64]) -> tuple[Float64, Float, Float, Float, Float64, Float64, Float, Float]:
-    """Evaluate the O(1) series: T, D, S, X/p, refined p, c, a4 (NaN or large where the series is invalid) and the
+def _series(table: LayerTable, lib: ArrayTypes, p: Float64, x: Float64, end: PointState, z0: Float64,
+            moments0: list[Float64]) -> tuple[Float64, Float, Float, Float, Float64, Float, Float]:
+    """Evaluate the O(1) series: T, D, S, X/p, refined p, a4 (NaN or large where the series is invalid) and the
     horizontal miss of the launched ray.
 
     Time and p are float64. The miss, which enters T squared, and D and S are float32 for twice as many lanes.
     """
     F, wide = lib.Float, lib.Float64
-    c, height, n1, m2, m3, m4 = _means(table, lib, z, z0, moments0)
+    height, n1, m2, m3, m4 = _means(lib, end, z0, moments0)
     # p and q in units of sqrt(r0): s² = 1 + <e>
     s2 = 1 + n1
     root = dr.sqrt(table.reference)
@@ -126,7 +140,7 @@ def _series(table: LayerTable, lib: ArrayTypes, p: Float64, x: Float64, z: Float
     arc = h * dr.sqrt(s2) * q * (
         1 + a2 * (0.375 - 0.5 * b1 + b2) + a3 * (-0.3125 + 0.375 * b1 - 0.5 * b2 + b3)
         + a4 * (35 / 128 - 0.3125 * b1 + 0.375 * b2 - 0.5 * b3 + b4))
-    return time, slope * per_root, arc, per_p * per_root, p, c, a4, first_miss
+    return time, slope * per_root, arc, per_p * per_root, p, a4, first_miss
 
 
 def _is_direct(lib: ArrayTypes, drop: Float64, s0: Float64, cosine: Float64, x: Float64, a4: Float, miss: Float,
@@ -186,15 +200,16 @@ def _carry(p: Float64, s: Float64, c: Float64, g: Float64, v: Float64, launch: F
 
 @dr.syntax
 def to_hit(table: LayerTable, lib: ArrayTypes, source: SourceState | PointState, source_index: UInt32, s0: Float64,
-           cosine0: Float64, x: Float64, z: Float64, valid: Bool,
+           cosine0: Float64, x: Float64, end: PointState, valid: Bool,
            tolerance: Float64) -> tuple[Float64, Float, Float, Float64, Float, Float64]:
     """Find travel time, arc length, spreading and directions of the eigenray from source to hit."""
-    # source_index (R,); s0, cosine0 (R,); x, z (R,) [m]; valid (R,); tolerance [m] -> travel_time [s], arc_length [m],
+    # source_index (R,); s0, cosine0 (R,); x (R,) [m]; valid (R,); tolerance [m] -> travel_time [s], arc_length [m],
     # spreading_area [m²/sr], ray_parameter [s/m], arrival_sine, sound_speed [m/s]
     F = lib.Float
     z0, c0, moments0 = source.gather(lib, source_index)
     p0 = cosine0 / c0
-    time, slope, arc, range_per_p, p, c, a4, miss = _series(table, lib, p0, x, z, z0, moments0)
+    z, c = end.depth, lib.Float64(end.speed)
+    time, slope, arc, range_per_p, p, a4, miss = _series(table, lib, p0, x, end, z0, moments0)
     sine0 = dr.sqrt(F(dr.maximum(1 - p * p * c0 * c0, 0)))
     sine = dr.sqrt(F(dr.maximum(1 - p * p * c * c, 0)))
     area = range_per_p * slope * sine * sine0 / F(c0 * c0)             # X |D| sinθ sinθ0 / (c0 cosθ0), cosθ0 = p c0
@@ -228,7 +243,7 @@ def to_hit(table: LayerTable, lib: ArrayTypes, source: SourceState | PointState,
 
 @dr.syntax
 def to_launched(table: LayerTable, lib: ArrayTypes, source: SourceState | PointState, source_index: UInt32, s0: Float64,
-                cosine0: Float64, x: Float64, z: Float64, facing: tuple[Float, Float], valid: Bool,
+                cosine0: Float64, x: Float64, end: PointState, facing: tuple[Float, Float], valid: Bool,
                 tolerance: Float64) -> tuple[Float, Float]:
     """Return how far hits on chords move within their facets, onwards and down [m], on to the rays as launched.
 
@@ -243,17 +258,17 @@ def to_launched(table: LayerTable, lib: ArrayTypes, source: SourceState | PointS
     F = lib.Float
     z0, c0, moments0 = source.gather(lib, source_index)
     p0 = cosine0 / c0
-    c, height, n1, m2, m3, m4 = _means(table, lib, z, z0, moments0)
+    height, n1, m2, m3, m4 = _means(lib, end, z0, moments0)
     w = dr.rcp(F(1 + n1 - p0 * p0 * table.scale))
     a2 = F(m2) * w * w
     per_p = F(height) * dr.sqrt(w) * (1 + 0.375 * a2 - 0.3125 * m3 * w * w * w)
     miss = F(x) - per_p * F(p0 / dr.sqrt(table.reference))
-    cosine = F(p0 * c)
+    z, cosine = end.depth, F(p0 * end.speed)
     sine = cast(Float, dr.copysign(dr.sqrt(dr.maximum(1 - cosine * cosine, 0)), F(s0)))
     onwards, down = facing
     head = onwards * miss
     from_x, from_z = miss, F(0)
-    bent = valid & ~_is_direct(lib, z - z0, s0, p0 * c, x, m4 * (w * w) * (w * w), miss, tolerance)
+    bent = valid & ~_is_direct(lib, z - z0, s0, p0 * end.speed, x, m4 * (w * w) * (w * w), miss, tolerance)
     if bent:
         z_x, _, _, _, s_x, c_x, _ = walk(table, lib, z0, c0, s0, p0, x, bent)
         from_x, from_z = F(0), F(z - z_x)

@@ -97,10 +97,10 @@ def _solve(table: LayerTable, lib: ArrayTypes, origin_depth: Float64, displaceme
         here, across_x, across_y, v_x, v_y, v_z = _seen_from_element(origin_depth, displacement, offset, travel,
                                                                      elapsed + time)
         across = dr.sqrt(across_x * across_x + across_y * across_y)
-        c, moments = table.at(here)
-        source, none = PointState(depth=here, speed=c, moments=moments), lib.UInt32(0)
-        sine, cosine, found = aim(table, lib, source, none, across, depth, going)
-        t, arc, area, p, end_sine, end_speed = to_hit(table, lib, source, none, sine, cosine, across, depth, found,
+        source, none = PointState.at(table, here), lib.UInt32(0)
+        c, end = source.speed, PointState.at(table, depth)
+        sine, cosine, found = aim(table, lib, source, none, across, end, going)
+        t, arc, area, p, end_sine, end_speed = to_hit(table, lib, source, none, sine, cosine, across, end, found,
                                                       dr.opaque(F, CLOSE_ENOUGH))
         # slowness of the echo at the element: against the ray that was sent from there
         steep = cast(Float64, dr.copysign(dr.sqrt(dr.maximum(1 / (c * c) - p * p, 0)), sine))

@@ -114,8 +114,7 @@ class Connector:
         table = self.water.medium(folded).layers
         z0 = start.z if folded else -start.z
         x, heading = _seen_from(start, end)
-        speed, moments = table.at(z0)
-        here = PointState(depth=z0, speed=speed, moments=moments)
+        here = PointState.at(table, z0)
         way, (_, sine) = self._eigenray(table, here, self.lib.UInt32(0), x, heading, -end.z, active)
         if folded:
             image = way.launch_direction
@@ -138,7 +137,8 @@ class Connector:
                          point: dr.ArrayBase) -> mi.Vector3f:
         """Return the direction in which the ray to each point leaves, as aimed; arguments as in `connect`."""
         x, heading = _seen_from(origin, point)
-        sine, cosine, _ = aim(self.water.layers(), self.lib, sources.state, source, x, -point.z,
+        table = self.water.layers()
+        sine, cosine, _ = aim(table, self.lib, sources.state, source, x, PointState.at(table, -point.z),
                               self.lib.Bool(True))
         return mi.Vector3f(heading.x * mi.Float(cosine), heading.y * mi.Float(cosine), -mi.Float(sine))
 

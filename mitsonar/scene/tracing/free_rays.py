@@ -45,7 +45,8 @@ class FreeRays:
             8 * TOLERANCE, self.tracer.max_range, geometry.depth_range[1] + 1.0)]
         valid, pi, chord, time, arc = _followed(geometry.scene, table, lib, lifted, heading, z, sine, p, limits,
                                                 mi.Bool(active))
-        point, facet_normal, smooth, uv, label, shape = self.tracer.rebuilt(pi, chord, lifted, heading, valid)
+        on = self.tracer.on_facet(pi, chord, lifted, heading, valid)
+        point, (smooth, uv) = on.point, self.tracer.shading(on, valid)
         # the rest of the way, from the chord's start to the hit, on the arc through both
         r0, z0, r1, z1 = chord
         dx, dy = point.x - lib.Float64(lifted.x), point.y - lib.Float64(lifted.y)
@@ -59,10 +60,10 @@ class FreeRays:
         cosine, down = mi.Float(dr.minimum(p * c2, 1)), dr.select(z1 >= z0, mi.Float(1), mi.Float(-1))
         sine = down * dr.sqrt(dr.maximum(1 - cosine * cosine, 0))
         arrival = mi.Vector3f(heading.x * cosine, heading.y * cosine, -sine)
-        normal = dr.select(dr.dot(facet_normal, arrival) > 0, -facet_normal, facet_normal)
-        return Hits(valid=valid, point=point, normal=normal, label=label, shape=shape, primitive=pi.prim_index, uv=uv,
-                    travel_time=time, arc_length=lib.Float(arc), spreading_area=mi.Float(dr.nan), ray_parameter=p,
-                    launch_direction=direction, arrival_direction=arrival, sound_speed=c2,
+        normal = dr.select(dr.dot(on.normal, arrival) > 0, -on.normal, on.normal)
+        return Hits(valid=valid, point=point, normal=normal, label=on.label, shape=on.shape, primitive=pi.prim_index,
+                    uv=uv, travel_time=time, arc_length=lib.Float(arc), spreading_area=mi.Float(dr.nan),
+                    ray_parameter=p, launch_direction=direction, arrival_direction=arrival, sound_speed=c2,
                     smooth=towards_sound(smooth, normal, arrival))
 
 

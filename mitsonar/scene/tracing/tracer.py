@@ -8,6 +8,7 @@ spreading and angles (`device_rays.two_point`).
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import cast
 
 import drjit as dr
@@ -17,7 +18,7 @@ import numpy as np
 from mitsonar.device.arrays import arrays_of, where_any
 from mitsonar.device.types import Record
 from mitsonar.propagation.device_rays.ray_fans import FEWEST_VERTICES, RayFans, build_ray_fans
-from mitsonar.propagation.device_rays.two_point import SourceState, to_hit, to_launched
+from mitsonar.propagation.device_rays.two_point import PointState, SourceState, to_hit, to_launched
 
 from ..geometry import Geometry, interpolated
 from ..labels import OBJECT, SEABED
@@ -35,6 +36,31 @@ class Sources(Record):
 
     ray_fans: RayFans
     state: SourceState
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FacetHit:
+    """Where on surfaces rays end, one for each."""
+
+    mesh: mi.Bool  # (R,): True on a mesh
+    face: dr.ArrayBase  # Array4u (R,): corners and label, see `Geometry`
+    edges: tuple[mi.Vector3f, mi.Vector3f]  # (R,) [m]: of the facet, from its first corner
+    place: tuple[mi.Float, mi.Float]  # (R,): barycentrics along the edges
+    point: dr.ArrayBase  # Array3f64 (R,) [m]
+    normal: mi.Vector3f  # (R,): unit, of the facet
+    uv: mi.Point2f  # (R,): of shapes that have their own texture coordinates
+    row: mi.UInt32  # (R,): of `Geometry.rows`
+    label: mi.UInt32  # (R,)
+    shape: mi.ShapePtr  # (R,)
+
+    def moved(self, shift: mi.Vector3f) -> FacetHit:
+        """Return the same hits, moved within the planes of their facets by (R,) [m]."""
+        (a, b), (u, v) = self.edges, self.place
+        aa, ab, bb = dr.squared_norm(a), dr.dot(a, b), dr.squared_norm(b)
+        along, across = dr.dot(shift, a), dr.dot(shift, b)
+        scale = dr.select(self.mesh, dr.rcp(dr.maximum(aa * bb - ab * ab, 1e-30)), 0)
+        return replace(self, point=self.point + type(self.point)(shift), place=(
+            u + (bb * along - ab * across) * scale, v + (aa * across - ab * along) * scale))
 
 
 class Tracer:
@@ -73,9 +99,11 @@ class Tracer:
                   active: mi.Bool | bool = True) -> tuple[Hits, mi.PreliminaryIntersection3f]:
         """Trace as `trace` does, and return Mitsuba's intersections, too, for `facet`."""
         launch_angle, heading = angles(direction)
-        found = _first_hit(self.geometry.scene, sources.ray_fans, mi.Point3f(origin), source, launch_angle, heading,
-                           mi.Bool(active))
-        return self._hits(sources, origin, source, direction, heading, *found[:3]), found[1]
+        valid, pi, chord, _ = _first_hit(self.geometry.scene, sources.ray_fans, mi.Point3f(origin), source,
+                                         launch_angle, heading, mi.Bool(active))
+        hits, on = self._hits(sources, origin, source, direction, heading, valid, pi, chord)
+        pi.prim_uv = dr.select(on.mesh, mi.Point2f(*on.place), pi.prim_uv)
+        return hits, pi
 
     def trace_with_hidden(self, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32, direction: mi.Vector3f,
                           add_hidden: Callable[[Hits, Hits], None]) -> Hits:
@@ -83,33 +111,31 @@ class Tracer:
         scene, kinds, o = self.geometry.scene, self.geometry.kinds, mi.Point3f(origin)
         launch_angle, heading = angles(direction)
         valid, pi, chord, vertex = _first_hit(scene, sources.ray_fans, o, source, launch_angle, heading, mi.Bool(True))
-        hits = self._hits(sources, origin, source, direction, heading, valid, pi, chord)
+        hits, _ = self._hits(sources, origin, source, direction, heading, valid, pi, chord)
 
         def follow(met: mi.Bool) -> None:
             behind = _seabed_behind(scene, kinds, sources.ray_fans, o, source, launch_angle, heading, chord, vertex,
                                     pi.t, met)
-            add_hidden(hits, self._hits(sources, origin, source, direction, heading, *behind))
+            add_hidden(hits, self._hits(sources, origin, source, direction, heading, *behind)[0])
 
         where_any(valid & (_kind(kinds, pi, valid) == OBJECT), follow)
         return hits
 
     def _hits(self, sources, origin, source, direction, heading, valid, pi, chord):
-        """Complete hits on chords with their eigenrays."""
-        lib = self.lib
+        """Complete hits on chords with their eigenrays; return the hits and where on the facets they are."""
+        lib, table, state = self.lib, self._layers, sources.state
         s0, cosine0 = _unit_sine(direction, lib.Float64)
-
-        def onto_ray(point: dr.ArrayBase, normal: mi.Vector3f) -> mi.Vector3f:
-            x = _horizontal(point, origin)
-            facing = dr.fma(normal.x, heading.x, normal.y * heading.y), -normal.z
-            onwards, down = to_launched(self._layers, lib, sources.state, source, s0, cosine0, x, -point.z, facing,
-                                        valid, dr.opaque(lib.Float64, self.tolerance))
-            return mi.Vector3f(heading.x * onwards, heading.y * onwards, -down)
-
-        point, facet_normal, smooth, uv, label, shape = self.rebuilt(pi, chord, mi.Point3f(origin), heading, valid,
-                                                                     onto_ray)
-        x = _horizontal(point, origin)
-        time, arc, area, p, sine, c = to_hit(self._layers, lib, sources.state, source, s0, cosine0, x, -point.z, valid,
-                                             dr.opaque(lib.Float64, self.tolerance))
+        tolerance = dr.opaque(lib.Float64, self.tolerance)
+        on = self.on_facet(pi, chord, mi.Point3f(origin), heading, valid)
+        # from the chord on to the ray
+        end = PointState.at(table, -on.point.z)
+        facing = dr.fma(on.normal.x, heading.x, on.normal.y * heading.y), -on.normal.z
+        onwards, down = to_launched(table, lib, state, source, s0, cosine0, _horizontal(on.point, origin), end, facing,
+                                    valid, tolerance)
+        on = on.moved(mi.Vector3f(heading.x * onwards, heading.y * onwards, -down))
+        point, x = on.point, _horizontal(on.point, origin)
+        time, arc, area, p, sine, c = to_hit(table, lib, state, source, s0, cosine0, x, end.moved(table, down), valid,
+                                             tolerance)
         # the hit may lie slightly off the launch bearing: directions are those of the eigenray
         along = mi.Vector2f(point.x - origin.x, point.y - origin.y) * dr.rcp(dr.maximum(mi.Float(x), 1e-9))
         along = dr.select(mi.Float(x) > 1e-6, along, heading)
@@ -118,12 +144,14 @@ class Tracer:
         sine0 = dr.sqrt(mi.Float(dr.maximum(1 - dr.square(p * c0), 0)))
         launch = mi.Vector3f(along.x * cosine0, along.y * cosine0, dr.copysign(sine0, direction.z))
         arrival = mi.Vector3f(along.x * cosine, along.y * cosine, -sine)
-        normal = dr.select(dr.dot(facet_normal, arrival) > 0, -facet_normal, facet_normal)
+        normal = dr.select(dr.dot(on.normal, arrival) > 0, -on.normal, on.normal)
         if self.water.field is not None:
             time += self.water.through_field(origin, along, x, -point.z, arc, p, -launch.z).later
-        return Hits(valid=valid, point=point, normal=normal, shape=shape, primitive=pi.prim_index, uv=uv,
-                    label=label, travel_time=time, arc_length=arc, spreading_area=area, ray_parameter=p, sound_speed=c,
-                    launch_direction=launch, smooth=towards_sound(smooth, normal, arrival), arrival_direction=arrival)
+        smooth, uv = self.shading(on, valid)
+        return Hits(valid=valid, point=point, normal=normal, shape=on.shape, primitive=pi.prim_index, uv=uv,
+                    label=on.label, travel_time=time, arc_length=arc, spreading_area=area, ray_parameter=p,
+                    sound_speed=c, launch_direction=launch, smooth=towards_sound(smooth, normal, arrival),
+                    arrival_direction=arrival), on
 
     def facet(self, pi: mi.PreliminaryIntersection3f,
               valid: mi.Bool) -> tuple[mi.Bool, dr.ArrayBase, mi.Float64, mi.Float64]:
@@ -138,15 +166,10 @@ class Tracer:
         u, v = (self.lib.Float64(dr.select(mesh, w, 0)) for w in (pi.prim_uv.x, pi.prim_uv.y))
         return mesh, face, u, v
 
-    def rebuilt(self, pi: mi.PreliminaryIntersection3f, chord: tuple[mi.Float, ...], origin: mi.Point3f,
-                heading: mi.Vector2f, valid: mi.Bool, shift_of: Callable | None = None) -> tuple:
-        """Return float64 point, facet normal, smooth normal, texture coordinates, label and shape of hits on chords.
-
-        `shift_of` may return by how much hits at points, on facets with these normals, move within their facets. Then
-        ``pi`` is moved, too.
-        """
-        geometry, wide = self.geometry, self.lib.Array3f64
-        row = registry_index(pi)
+    def on_facet(self, pi: mi.PreliminaryIntersection3f, chord: tuple[mi.Float, ...], origin: mi.Point3f,
+                 heading: mi.Vector2f, valid: mi.Bool) -> FacetHit:
+        """Return where on surfaces the hits on chords are."""
+        geometry, wide, row = self.geometry, self.lib.Array3f64, registry_index(pi)
         mesh, face, u, v = self.facet(pi, valid)
         a, b, c = (mi.Point3f(v[0], v[1], v[2]) for v in
                    (dr.gather(self.lib.Array4f, geometry.vertices, face[i], mesh) for i in range(3)))
@@ -163,22 +186,20 @@ class Tracer:
             label = dr.select(mesh, label, dr.gather(mi.UInt32, geometry.rows, 4 * row, valid & ~mesh))
             # on an instance, the shape within its group is not known before
             shape = dr.select(valid & ~mesh, si.shape, shape)
-        s, t = mi.Float(u), mi.Float(v)
-        if shift_of is not None:
-            shift = shift_of(point, normal)
-            point += wide(shift)
-            ds, dt = _barycentric(b - a, c - a, shift)
-            s, t = s + dr.select(mesh, ds, 0), t + dr.select(mesh, dt, 0)
-            pi.prim_uv = dr.select(mesh, mi.Point2f(s, t), pi.prim_uv)
-        smooth = None
+        return FacetHit(mesh=mesh, face=face, edges=(b - a, c - a), place=(mi.Float(u), mi.Float(v)), point=point,
+                        normal=normal, uv=uv, row=row, label=label, shape=shape)
+
+    def shading(self, on: FacetHit, valid: mi.Bool) -> tuple[mi.Normal3f | None, mi.Point2f]:
+        """Return the smooth normals of hits, None without any in the scene, and the texture coordinates."""
+        geometry, (u, v), mesh, smooth, uv = self.geometry, on.place, on.mesh, None, on.uv
         if geometry.normals is not None:
-            smooth = interpolated(self.lib, geometry.normals, face, s, t, mesh)
+            smooth = interpolated(self.lib, geometry.normals, on.face, u, v, mesh)
         if geometry.texcoords is not None:
-            mapped = dr.gather(mi.UInt32, geometry.rows, 4 * row + 3, valid) != 0
-            a_uv, b_uv, c_uv = (mi.Point2f(dr.gather(self.lib.Array2f, geometry.texcoords, face[i], mesh & mapped))
-                                for i in range(3))
-            uv = dr.select(mesh & mapped, a_uv * (1 - s - t) + b_uv * s + c_uv * t, uv)
-        return point, normal, smooth, uv, label, shape
+            mapped = mesh & (dr.gather(mi.UInt32, geometry.rows, 4 * on.row + 3, valid) != 0)
+            a, b, c = (mi.Point2f(dr.gather(self.lib.Array2f, geometry.texcoords, on.face[i], mapped))
+                       for i in range(3))
+            uv = dr.select(mapped, a * (1 - u - v) + b * u + c * v, uv)
+        return smooth, uv
 
 
 def registry_index(pi: mi.PreliminaryIntersection3f | mi.SurfaceInteraction3f) -> mi.UInt32:
@@ -205,14 +226,6 @@ def _horizontal(point, origin):
     """Return the horizontal distances of points from origins [m]."""
     dx, dy = point.x - origin.x, point.y - origin.y
     return dr.sqrt(dr.fma(dx, dx, dy * dy))
-
-
-def _barycentric(first, second, shift):
-    """Return the changes of barycentrics along two edges by shifts within their plane."""
-    aa, ab, bb = dr.squared_norm(first), dr.dot(first, second), dr.squared_norm(second)
-    along, across = dr.dot(shift, first), dr.dot(shift, second)
-    scale = dr.rcp(dr.maximum(aa * bb - ab * ab, 1e-30))
-    return (bb * along - ab * across) * scale, (aa * across - ab * along) * scale
 
 
 def _unit_sine(direction, wide):
