@@ -40,8 +40,8 @@ def earliest(table: LayerTable, lib: ArrayTypes, source: SourceState | PointStat
     active &= dr.isfinite(x) & dr.isfinite(z)
     end = PointState.at(table, z)
     sine0, cosine0, found = aim(table, lib, source, source_index, x, end, active)
-    time, arc, area, p, sine, c = to_hit(table, lib, source, source_index, sine0, cosine0, x, end, found,
-                                         dr.opaque(lib.Float64, CLOSE_ENOUGH))
+    time, arc, area, p, sine, c, _ = to_hit(table, lib, source, source_index, sine0, cosine0, x, end, found,
+                                            dr.opaque(lib.Float64, CLOSE_ENOUGH))
     z0, _, _ = source.gather(lib, source_index)
     found &= dr.isfinite(time) & dr.isfinite(p)
     unsure = active & ~(found & (x < table.sole_range(z0, z)))

@@ -82,6 +82,11 @@ class LayerTable(Record):
 
     def at(self, depth: Float64) -> tuple[Float64, list[Float64]]:
         """Return the sound speed [m/s] and the four moments M_n at each depth."""
+        speed, _, moments = self.medium(depth)
+        return speed, moments
+
+    def medium(self, depth: Float64) -> tuple[Float64, Float64, list[Float64]]:
+        """Return the sound speed [m/s], its gradient [1/s] and the four moments M_n at each depth."""
         k = self.find(dr.detach(depth))             # which layer it is has no gradient
         z_k, c_k, g, _ = self.shape(k)
         moments = dr.gather(self.lib.Array4f64, self.layers, 2 * k + 1)
@@ -94,7 +99,7 @@ class LayerTable(Record):
             for i in range(4):
                 moments[i] += power
                 power *= e
-        return dr.fma(g, length, c_k), moments
+        return dr.fma(g, length, c_k), g, moments
 
 
 @dr.syntax

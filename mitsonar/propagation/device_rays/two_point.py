@@ -52,26 +52,28 @@ class PointState(Record):
 
     depth: Float64
     speed: Float64
+    gradient: Float64
     moments: list[Float64]
 
     @classmethod
     def at(cls, table: LayerTable, depth: Float64) -> "PointState":
         """Return the medium at depths (R,) [m]."""
-        speed, moments = table.at(depth)
-        return cls(depth=depth, speed=speed, moments=moments)
+        speed, gradient, moments = table.medium(depth)
+        return cls(depth=depth, speed=speed, gradient=gradient, moments=moments)
 
     def gather(self, lib: ArrayTypes, index: UInt32) -> tuple[Float64, Float64, list[Float64]]:
         """Return the same as `SourceState.gather`; the index is ignored."""
         return self.depth, self.speed, self.moments
 
     def moved(self, table: LayerTable, down: Float) -> "PointState":
-        """Return the medium centimetres deeper, (R,) [m], at the same sound speed: times are right to 1e-11 s."""
+        """Return the medium centimetres deeper, (R,) [m], in the same layer: times are right to 1e-11 s."""
         e, step = table.scale / (self.speed * self.speed) - 1, table.lib.Float64(down)
         moments, power = [], step * e
         for moment in self.moments:
             moments.append(moment + power)
             power = power * e
-        return PointState(depth=self.depth + step, speed=self.speed, moments=moments)
+        return PointState(depth=self.depth + step, speed=dr.fma(self.gradient, step, self.speed),
+                          gradient=self.gradient, moments=moments)
 
 
 def source_state(table: LayerTable, source_depth: np.ndarray) -> SourceState:
@@ -143,15 +145,6 @@ def _series(table: LayerTable, lib: ArrayTypes, p: Float64, x: Float64, end: Poi
     return time, slope * per_root, arc, per_p * per_root, p, a4, first_miss
 
 
-def _is_direct(lib: ArrayTypes, drop: Float64, s0: Float64, cosine: Float64, x: Float64, a4: Float, miss: Float,
-               tolerance: Float64) -> Bool:
-    """Return True where the series holds; else the ray turned, missed the hit, or the series is too slow."""
-    direct = (drop * s0 > 0) & (cosine < 1) & (abs(miss) < lib.Float(10 * tolerance + 0.05 * x))
-    # a4 >= 0 but for rounding, which is what is left of it where the depths nearly agree
-    close = abs(drop) < LEVEL * x
-    return direct & (abs(a4) < SERIES_LIMIT) & ~close
-
-
 @dr.syntax
 def walk(table: LayerTable, lib: ArrayTypes, z0: Float64, c0: Float64, s0: Float64, p: Float64, x: Float64,
          active: Bool) -> tuple[Float64, Float64, Float64, Float64, Float64, Float64, Float64]:
@@ -198,28 +191,81 @@ def _carry(p: Float64, s: Float64, c: Float64, g: Float64, v: Float64, launch: F
     return dt, dp
 
 
-@dr.syntax
 def to_hit(table: LayerTable, lib: ArrayTypes, source: SourceState | PointState, source_index: UInt32, s0: Float64,
-           cosine0: Float64, x: Float64, end: PointState, valid: Bool,
-           tolerance: Float64) -> tuple[Float64, Float, Float, Float64, Float, Float64]:
-    """Find travel time, arc length, spreading and directions of the eigenray from source to hit."""
+           cosine0: Float64, x: Float64, end: PointState, valid: Bool, tolerance: Float64,
+           facing: tuple[Float, Float] | None = None) -> tuple[
+               Float64, Float, Float, Float64, Float, Float64, tuple[Float, Float]]:
+    """Find travel time, arc length, spreading and directions of the eigenray from source to hit.
+
+    With `facing`, the facet's normal along the heading and downwards, a hit first moves within its facet on to the ray
+    as launched, which the last results tell. The ray passes a hit I at Q, m = x - X before it or dz above it, and goes
+    on from there along its tangent t to the plane of normal n:
+
+        I' = Q + t n·(I - Q) / n·t,     I - Q = (m, 0) or (0, dz)
+
+    Neighbouring rows of a fan have different chords; without this, their hits would gape or crowd.
+    """
     # source_index (R,); s0, cosine0 (R,); x (R,) [m]; valid (R,); tolerance [m] -> travel_time [s], arc_length [m],
-    # spreading_area [m²/sr], ray_parameter [s/m], arrival_sine, sound_speed [m/s]
-    F = lib.Float
+    # spreading_area [m²/sr], ray_parameter [s/m], arrival_sine, sound_speed [m/s], move onwards and down [m]
+    F, z = lib.Float, end.depth
     z0, c0, moments0 = source.gather(lib, source_index)
-    p0 = cosine0 / c0
-    z, c = end.depth, lib.Float64(end.speed)
+    p0, chord_x = cosine0 / c0, x
+    move = F(0), F(0)
+    if facing is not None:
+        cosine = F(p0 * end.speed)
+        sine = cast(Float, dr.copysign(dr.sqrt(dr.maximum(1 - cosine * cosine, 0)), F(s0)))
+        miss = F(x) - _range(table, lib, p0, end, z0, moments0)
+        _, *move = _onto_ray(facing, miss, F(0), cosine, sine)
+        x, end = x + lib.Float64(move[0]), end.moved(table, move[1])
     time, slope, arc, range_per_p, p, a4, miss = _series(table, lib, p0, x, end, z0, moments0)
+    c = lib.Float64(end.speed)
     sine0 = dr.sqrt(F(dr.maximum(1 - p * p * c0 * c0, 0)))
     sine = dr.sqrt(F(dr.maximum(1 - p * p * c * c, 0)))
     area = range_per_p * slope * sine * sine0 / F(c0 * c0)             # X |D| sinθ sinθ0 / (c0 cosθ0), cosθ0 = p c0
     sine = dr.select(z < z0, -sine, sine)
-    bent = valid & ~_is_direct(lib, z - z0, s0, p0 * c, x, a4, miss, tolerance)
+    # the ray heads away from the hit, or missed it: it turned; or the series is too slow: walk the arcs
+    direct = ((z - z0) * s0 > 0) & (p0 * c < 1) & (abs(miss) < F(10 * tolerance + 0.05 * x))
+    # a4 >= 0 but for rounding, which is what is left of it where the depths nearly agree
+    close = abs(z - z0) < LEVEL * x
+    bent = valid & ~(direct & (abs(a4) < SERIES_LIMIT) & ~close)
+    time, arc, area, p, sine, c, *move = _by_walking(
+        table, lib, z0, c0, s0, cosine0, chord_x, z, facing, bent, (time, arc, area, p, sine, c, *move))
+    area = dr.maximum(area, F(x * x + dr.square(z - z0)) * (1 / MAX_TUBE_GAIN))
+    return time, arc, area, p, sine, c, (move[0], move[1])
+
+
+def _range(table: LayerTable, lib: ArrayTypes, p: Float64, end: PointState, z0: Float64,
+           moments0: list[Float64]) -> Float:
+    """Return X(p), to its third term."""
+    F = lib.Float
+    height, n1, m2, m3, _ = _means(lib, end, z0, moments0)
+    w = dr.rcp(F(1 + n1 - p * p * table.scale))
+    a2 = F(m2) * w * w
+    return F(height) * dr.sqrt(w) * F(p / dr.sqrt(table.reference)) * (1 + 0.375 * a2 - 0.3125 * m3 * w * w * w)
+
+
+def _onto_ray(facing: tuple[Float, Float], x: Float, z: Float, cosine: Float,
+              sine: Float) -> tuple[Float, Float, Float]:
+    """Return how far a ray goes on from Q, and the move I' - I; 0 where it hardly meets the facet or is far off."""
+    # facing, n; x, z (R,) [m], I - Q; cosine, sine (R,), t
+    onwards, down = facing
+    towards = dr.fma(onwards, cosine, down * sine)
+    step = dr.fma(onwards, x, down * z) / towards
+    moves = (abs(towards) > SLANT) & (abs(dr.fma(x, sine, z * cosine)) < FAR_OFF)
+    return tuple(dr.select(moves, part, 0) for part in (step, dr.fma(step, cosine, -x), dr.fma(step, sine, -z)))
+
+
+@dr.syntax
+def _by_walking(table, lib, z0, c0, s0, cosine0, x, z, facing, bent, found):
+    """Return what `to_hit` does where rays are `bent`, by walking their arcs; elsewhere what was `found`."""
+    F = lib.Float
+    time, arc, area, p, sine, c, onwards, down = found
     if bent:
+        p0 = cosine0 / c0
         z_x, t_x, arc_x, v, s_x, c_x, g_x = walk(table, lib, z0, c0, s0, p0, x, bent)
         dz = z - z_x
         # beside a critical angle a row bends away from its rays: aim again, dz = V dθ0 / cos θ at fixed distance
-        again = bent & (abs(dz) > FAR_OFF)
+        again = bent & (abs(dz * p0 * c_x) > FAR_OFF)
         if again:
             turn = dr.clip(dz * p0 * c_x / dr.select(abs(v) > 1e-3, v, 1e-3), -1e-2, 1e-2)
             s_a, cosine_a = s0 + cosine0 * turn, cosine0 - s0 * turn
@@ -232,50 +278,21 @@ def to_hit(table: LayerTable, lib: ArrayTypes, source: SourceState | PointState,
             t_x, arc_x, v = dr.select(better, t_a, t_x), dr.select(better, arc_a, arc_x), dr.select(better, v_a, v)
             s_x, c_x, g_x = dr.select(better, s_b, s_x), dr.select(better, c_a, c_x), dr.select(better, g_a, g_x)
             dz = dr.select(better, z - z_a, dz)
+        if dr.hint(facing is not None, mode="scalar"):
+            tangent = F(p0 * c_x), F(s_x)
+            step, onwards, down = _onto_ray(facing, F(0), F(dz), *tangent)
+            # the arc leaves its tangent by p g cos θ step² / 2
+            more = _onto_ray(facing, F(0), F(0.5 * p0 * g_x) * tangent[0] * step * step, *tangent)
+            onwards, down = dr.select(again, 0, onwards + more[1]), dr.select(again, 0, down + more[2])
+            # along the ray, so that only what is left of dz is carried
+            ahead = lib.Float64(dr.select(again, 0, step + more[0]))
+            t_x += ahead / c_x - g_x * s_x * ahead * ahead / (2 * c_x * c_x)
+            arc_x += ahead
+            dz += lib.Float64(down) - ahead * s_x
+            c_x += g_x * s_x * ahead
         dt, dp = _carry(p0, s_x, c_x, g_x, v, s0 / c0, dz)
         time, arc, p = t_x + dt, F(arc_x + s_x * dz), p0 + dp
         area = F(x * abs(v) / dr.maximum(cosine0, 1e-9))
         c = dr.fma(g_x, dz, c_x)
         sine = cast(Float, dr.copysign(dr.sqrt(F(dr.maximum(1 - p * p * c * c, 0))), F(s_x)))
-    area = dr.maximum(area, F(x * x + dr.square(z - z0)) * (1 / MAX_TUBE_GAIN))
-    return time, arc, area, p, sine, c
-
-
-@dr.syntax
-def to_launched(table: LayerTable, lib: ArrayTypes, source: SourceState | PointState, source_index: UInt32, s0: Float64,
-                cosine0: Float64, x: Float64, end: PointState, facing: tuple[Float, Float], valid: Bool,
-                tolerance: Float64) -> tuple[Float, Float]:
-    """Return how far hits on chords move within their facets, onwards and down [m], on to the rays as launched.
-
-    The launched ray passes a hit I at Q, at its depth (m = x - X) or at its range (dz). From there it goes on along its
-    tangent t to the facet of normal n:
-
-        I' = Q + t n·(I - Q) / n·t,     I - Q = (m, 0) or (0, dz)
-
-    Neighbouring rows of a fan have different chords; without this, their hits would gape or crowd.
-    """
-    # as of `to_hit`; facing: n·h along the heading and downwards
-    F = lib.Float
-    z0, c0, moments0 = source.gather(lib, source_index)
-    p0 = cosine0 / c0
-    height, n1, m2, m3, m4 = _means(lib, end, z0, moments0)
-    w = dr.rcp(F(1 + n1 - p0 * p0 * table.scale))
-    a2 = F(m2) * w * w
-    per_p = F(height) * dr.sqrt(w) * (1 + 0.375 * a2 - 0.3125 * m3 * w * w * w)
-    miss = F(x) - per_p * F(p0 / dr.sqrt(table.reference))
-    z, cosine = end.depth, F(p0 * end.speed)
-    sine = cast(Float, dr.copysign(dr.sqrt(dr.maximum(1 - cosine * cosine, 0)), F(s0)))
-    onwards, down = facing
-    head = onwards * miss
-    from_x, from_z = miss, F(0)
-    bent = valid & ~_is_direct(lib, z - z0, s0, p0 * end.speed, x, m4 * (w * w) * (w * w), miss, tolerance)
-    if bent:
-        z_x, _, _, _, s_x, c_x, _ = walk(table, lib, z0, c0, s0, p0, x, bent)
-        from_x, from_z = F(0), F(z - z_x)
-        head = down * from_z
-        cosine, sine = F(p0 * c_x), F(s_x)
-    towards = dr.fma(onwards, cosine, down * sine)
-    near = abs(dr.fma(from_x, sine, from_z * cosine)) < FAR_OFF
-    step = dr.select(valid & near & (abs(towards) > SLANT), head / towards, dr.nan)
-    moved = step == step
-    return (dr.select(moved, dr.fma(step, cosine, -from_x), 0), dr.select(moved, dr.fma(step, sine, -from_z), 0))
+    return time, arc, area, p, sine, c, onwards, down

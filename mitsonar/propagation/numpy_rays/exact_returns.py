@@ -100,8 +100,8 @@ def _solve(table: LayerTable, lib: ArrayTypes, origin_depth: Float64, displaceme
         source, none = PointState.at(table, here), lib.UInt32(0)
         c, end = source.speed, PointState.at(table, depth)
         sine, cosine, found = aim(table, lib, source, none, across, end, going)
-        t, arc, area, p, end_sine, end_speed = to_hit(table, lib, source, none, sine, cosine, across, end, found,
-                                                      dr.opaque(F, CLOSE_ENOUGH))
+        t, arc, area, p, end_sine, end_speed, _ = to_hit(table, lib, source, none, sine, cosine, across, end, found,
+                                                         dr.opaque(F, CLOSE_ENOUGH))
         # slowness of the echo at the element: against the ray that was sent from there
         steep = cast(Float64, dr.copysign(dr.sqrt(dr.maximum(1 / (c * c) - p * p, 0)), sine))
         step = (t - time) / (1 - _closing((v_x, v_y, v_z), across_x, across_y, p, steep))

@@ -18,7 +18,7 @@ import numpy as np
 from mitsonar.device.arrays import arrays_of, where_any
 from mitsonar.device.types import Record
 from mitsonar.propagation.device_rays.ray_fans import FEWEST_VERTICES, RayFans, build_ray_fans
-from mitsonar.propagation.device_rays.two_point import PointState, SourceState, to_hit, to_launched
+from mitsonar.propagation.device_rays.two_point import PointState, SourceState, to_hit
 
 from ..geometry import Geometry, interpolated
 from ..labels import OBJECT, SEABED
@@ -127,15 +127,12 @@ class Tracer:
         s0, cosine0 = _unit_sine(direction, lib.Float64)
         tolerance = dr.opaque(lib.Float64, self.tolerance)
         on = self.on_facet(pi, chord, mi.Point3f(origin), heading, valid)
-        # from the chord on to the ray
-        end = PointState.at(table, -on.point.z)
         facing = dr.fma(on.normal.x, heading.x, on.normal.y * heading.y), -on.normal.z
-        onwards, down = to_launched(table, lib, state, source, s0, cosine0, _horizontal(on.point, origin), end, facing,
-                                    valid, tolerance)
+        time, arc, area, p, sine, c, (onwards, down) = to_hit(
+            table, lib, state, source, s0, cosine0, _horizontal(on.point, origin), PointState.at(table, -on.point.z),
+            valid, tolerance, facing)
         on = on.moved(mi.Vector3f(heading.x * onwards, heading.y * onwards, -down))
         point, x = on.point, _horizontal(on.point, origin)
-        time, arc, area, p, sine, c = to_hit(table, lib, state, source, s0, cosine0, x, end.moved(table, down), valid,
-                                             tolerance)
         # the hit may lie slightly off the launch bearing: directions are those of the eigenray
         along = mi.Vector2f(point.x - origin.x, point.y - origin.y) * dr.rcp(dr.maximum(mi.Float(x), 1e-9))
         along = dr.select(mi.Float(x) > 1e-6, along, heading)
