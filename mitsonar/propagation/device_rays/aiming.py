@@ -24,12 +24,13 @@ CLOSE_BY = 1e-4                # [m] largest miss here: beside grazing rays, car
 
 
 def aim(table: LayerTable, lib: ArrayTypes, source: SourceState | PointState, source_index: UInt32,
-        x: Float64, z: Float64, active: Bool) -> tuple[Float64, Float64, Bool]:
-    """Find the launch angle of the ray from a source to a point."""
+        x: Float64, z: Float64, active: Bool,
+        water: tuple[Float64, list[Float64]] | None = None) -> tuple[Float64, Float64, Bool]:
+    """Find the launch angle of the ray from a source to a point; `water` is `LayerTable.at(z)`, if it is known."""
     # source_index (R,); x, z (R,) [m]; active (R,) -> sine, cosine (R,), found (R,)
     F = lib.Float64
     z0, c0, moments0 = source.gather(lib, source_index)
-    c, moments = table.at(z)
+    c, moments = table.at(z) if water is None else water
     height = abs(z - z0)
     close = height < LEVEL * x
     per_height = dr.sign(z - z0) / dr.maximum(height, 1e-9)

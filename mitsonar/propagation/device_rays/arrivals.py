@@ -15,7 +15,7 @@ from mitsonar.water.profile import SoundSpeedProfile
 
 from ..numpy_rays.eigenrays import eigenray
 from .aiming import CLOSE_ENOUGH, aim
-from .layer_table import LayerTable
+from .layer_table import LayerTable, within_sole_range
 from .two_point import MAX_TUBE_GAIN, PointState, SourceState, to_hit
 
 
@@ -38,12 +38,13 @@ def earliest(table: LayerTable, lib: ArrayTypes, source: SourceState | PointStat
     """Find and evaluate the earliest direct or once-turned ray from sources to points."""
     # source_index (R,); x, z (R,) [m]; active (R,)
     active &= dr.isfinite(x) & dr.isfinite(z)
-    sine0, cosine0, found = aim(table, lib, source, source_index, x, z, active)
+    water = table.at(z)
+    sine0, cosine0, found = aim(table, lib, source, source_index, x, z, active, water)
     time, arc, area, p, sine, c = to_hit(table, lib, source, source_index, sine0, cosine0, x, z, found,
-                                         dr.opaque(lib.Float64, CLOSE_ENOUGH))
+                                         dr.opaque(lib.Float64, CLOSE_ENOUGH), water)
     z0, _, _ = source.gather(lib, source_index)
     found &= dr.isfinite(time) & dr.isfinite(p)
-    unsure = active & ~(found & (x < table.sole_range(z0, z)))
+    unsure = active & ~(found & within_sole_range(table, z0, z, x))
     state = {"found": found, "travel_time": time, "arc_length": arc, "spreading_area": area, "ray_parameter": p,
              "launch_sine": sine0, "arrival_sine": sine, "sound_speed": c}
     dr.eval(state, unsure)

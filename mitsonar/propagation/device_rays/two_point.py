@@ -73,14 +73,14 @@ def source_state(table: LayerTable, source_depth: np.ndarray) -> SourceState:
 
 
 def _series(table: LayerTable, lib: ArrayTypes, p: Float64, x: Float64, z: Float64, z0: Float64,
-            moments0: list[Float64]) -> tuple[Float64, Float, Float, Float, Float64, Float64, Float, Float]:
-    """Evaluate the O(1) series: T, D, S, X/p, refined p, c, a4 (NaN or large where the series is invalid) and the
+            moments0: list[Float64],
+            moments: list[Float64]) -> tuple[Float64, Float, Float, Float, Float64, Float, Float]:
+    """Evaluate the O(1) series: T, D, S, X/p, refined p, a4 (NaN or large where the series is invalid) and the
     horizontal miss of the launched ray.
 
     Time and p are float64. The miss, which enters T squared, and D and S are float32 for twice as many lanes.
     """
     F, wide = lib.Float, lib.Float64
-    c, moments = table.at(z)
     height = abs(z - z0)
     per_height = dr.sign(z - z0) / dr.maximum(height, 1e-9)
     n1, n2, n3, n4 = ((moments[i] - moments0[i]) * per_height for i in range(4))
@@ -117,7 +117,7 @@ def _series(table: LayerTable, lib: ArrayTypes, p: Float64, x: Float64, z: Float
     arc = h * dr.sqrt(s2) * q * (
         1 + a2 * (0.375 - 0.5 * b1 + b2) + a3 * (-0.3125 + 0.375 * b1 - 0.5 * b2 + b3)
         + a4 * (35 / 128 - 0.3125 * b1 + 0.375 * b2 - 0.5 * b3 + b4))
-    return time, slope * per_root, arc, per_p * per_root, p, c, a4, first_miss
+    return time, slope * per_root, arc, per_p * per_root, p, a4, first_miss
 
 
 @dr.syntax
@@ -168,15 +168,19 @@ def _carry(p: Float64, s: Float64, c: Float64, g: Float64, v: Float64, launch: F
 
 @dr.syntax
 def to_hit(table: LayerTable, lib: ArrayTypes, source: SourceState | PointState, source_index: UInt32, s0: Float64,
-           cosine0: Float64, x: Float64, z: Float64, valid: Bool,
-           tolerance: Float64) -> tuple[Float64, Float, Float, Float64, Float, Float64]:
-    """Find travel time, arc length, spreading and directions of the eigenray from source to hit."""
+           cosine0: Float64, x: Float64, z: Float64, valid: Bool, tolerance: Float64,
+           water: tuple[Float64, list[Float64]] | None = None) -> tuple[Float64, Float, Float, Float64, Float, Float64]:
+    """Find travel time, arc length, spreading and directions of the eigenray from source to hit.
+
+    `water` is `LayerTable.at(z)`, if it is known.
+    """
     # source_index (R,); s0, cosine0 (R,); x, z (R,) [m]; valid (R,); tolerance [m] -> travel_time [s], arc_length [m],
     # spreading_area [m²/sr], ray_parameter [s/m], arrival_sine, sound_speed [m/s]
     F = lib.Float
     z0, c0, moments0 = source.gather(lib, source_index)
     p0 = cosine0 / c0
-    time, slope, arc, range_per_p, p, c, a4, miss = _series(table, lib, p0, x, z, z0, moments0)
+    c, moments = table.at(z) if dr.hint(water is None, mode="scalar") else water
+    time, slope, arc, range_per_p, p, a4, miss = _series(table, lib, p0, x, z, z0, moments0, moments)
     sine0 = dr.sqrt(F(dr.maximum(1 - p * p * c0 * c0, 0)))
     sine = dr.sqrt(F(dr.maximum(1 - p * p * c * c, 0)))
     area = range_per_p * slope * sine * sine0 / F(c0 * c0)             # X |D| sinθ sinθ0 / (c0 cosθ0), cosθ0 = p c0
