@@ -85,7 +85,7 @@ def receiver_groups(source: PingSource, echoes: Echoes, position: np.ndarray,
 
 def factor_per_metre(source: PingSource, echoes: Echoes) -> float:
     """Return the largest difference of the factors of elements per metre between them [1/m]."""
-    nearest = source.speed * min(float(dr.min(leg.travel_time)[0]) for leg in (echoes.out, echoes.back))
+    nearest = source.speed * min(leg.soonest for leg in (echoes.out, echoes.back))
     travel = source.travel
     return float((travel.peak(travel.displacement, 1)[0] / max(nearest, SHORTEST_WAY)
                   + travel.peak(travel.turn, 1)[0]) / source.speed)

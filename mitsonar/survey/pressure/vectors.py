@@ -80,7 +80,7 @@ class VectorDelays(ElementDelays):
         received = ReceivedEchoes(back, view, receive, wavelength=self.wavelength, method=self.method, towards=towards)
         if received.ahead is not None:
             factor = dr.select(received.ahead, factor, 0)
-        nearest = source.speed * float(dr.min(echoes.back.travel_time)[0])
+        nearest = source.speed * echoes.back.soonest
         parts = received.pairs(rows, nearest, source.speed)
         real, imaginary = echoes.amplitude
         amplitude = real * factor, imaginary * factor
