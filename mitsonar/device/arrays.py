@@ -71,6 +71,15 @@ def entries(value: Kept, index: UInt32) -> Kept:
     return picks
 
 
+def filled(value: Any, count: int) -> bool:
+    """Return True if all arrays in a record, list or tuple have this many entries."""
+    if isinstance(value, (list, tuple)):
+        return all(filled(item, count) for item in value)
+    if dr.is_array_v(value):
+        return dr.width(value) == count
+    return not is_dataclass(value) or all(filled(getattr(value, field.name), count) for field in fields(value))
+
+
 def reinterpreted(kind: type[Kept], array: DrJitArray) -> Kept:
     """Return the same bits as another type (`drjit.reinterpret_array`)."""
     return cast(Any, dr.reinterpret_array)(kind, array)

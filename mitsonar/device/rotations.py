@@ -24,18 +24,21 @@ SMALL = 1e-4                       # [rad], below which series are better than q
 # ---- by a rotation vector
 
 def rotated(vector: Triple, rotation: Triple, back: bool = False) -> tuple[Numbers, Numbers, Numbers]:
-    """Turn vectors by rotation vectors [rad] or, with `back`, by their opposites: triples, by (1)."""
+    """Turn vectors by rotation vectors [rad] or, with `back`, by their opposites: triples, by (1).
+
+    On the device, a rotation in single precision may turn vectors in double: only what a small turn adds is rounded.
+    """
     (x, y, z), jit = rotation, dr.is_jit_v(rotation[0])
     square = _fused(z, z, _fused(y, y, x * x))
     angle = dr.maximum(dr.sqrt(square), LEAST_ANGLE) if jit else np.maximum(np.sqrt(square), LEAST_ANGLE)
     sine, cosine = dr.sincos(0.5 * angle) if jit else (np.sin(0.5 * angle), np.cos(0.5 * angle))
     scale = (-sine if back else sine) / angle
     axis = x * scale, y * scale, z * scale
-    twice = tuple(2 * part for part in _cross(axis, vector))
-    return tuple(part + cosine * first + second for part, first, second in zip(vector, twice, _cross(axis, twice)))
+    twice = tuple(2 * part for part in cross(axis, [type(x)(part) for part in vector] if jit else vector))
+    return tuple(part + cosine * first + second for part, first, second in zip(vector, twice, cross(axis, twice)))
 
 
-def _cross(a: Triple, b: Triple) -> tuple[Numbers, Numbers, Numbers]:
+def cross(a: Triple, b: Triple) -> tuple[Numbers, Numbers, Numbers]:
     """Return the cross product of triples."""
     return tuple(_fused(a[i], b[j], -(a[j] * b[i])) for i, j in ((1, 2), (2, 0), (0, 1)))
 

@@ -39,7 +39,7 @@ from .sights.sights import Sights
 from .smooth.targets import SmoothTargets
 from .sonar_equation import GRAZING, absorbed, along_legs, echo_energy, lit_patch, speed_ratio
 
-CELLS_PER_BLOCK = 1 << 19
+CELLS_PER_BLOCK = 1 << 20
 WORTH_ASKING = 0.2                 # share of cells in doubtful beams above which each cell is tested
 MOST_CELLS = 10 ** 9               # of a ping: minutes of connecting
 BOTTOM_AND_SURFACE = ("b", False), ("s", True)     # path, and whether the facet belongs to the sea surface

@@ -10,10 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import cast
 
 import drjit as dr
 
-from mitsonar.device.arrays import compressed, entries
+from mitsonar.device.arrays import compressed, entries, filled
 from mitsonar.device.types import Bool, Float, Float64, UInt32, Vector, Vector64
 from mitsonar.scene.tracing.connection import Connection
 from mitsonar.scene.tracing.hits import Hits
@@ -47,6 +49,11 @@ class EchoLeg:
         """Unit vectors at the source itself, folded or not."""
         launch = self.launch_direction
         return type(launch)(launch.x, launch.y, -launch.z) if self.folded else launch
+
+    @cached_property
+    def soonest(self) -> float:
+        """Shortest travel time [s]."""
+        return float(cast(Float64, dr.min(self.travel_time))[0])
 
     def chosen(self, index: UInt32) -> EchoLeg:
         """Return the legs with these numbers."""
@@ -89,7 +96,9 @@ class Echoes:
         """Yield the `active` echoes in one evaluated block; nothing if there are none."""
         dr.eval(self, active)                  # in one kernel, so that obstacles are not searched for twice
         index = compressed(active)
-        if dr.width(index):
+        if dr.width(index) == dr.width(active) and filled(self, dr.width(active)):
+            yield self                         # most often all are: no copy
+        elif dr.width(index):
             yield self.chosen(index).evaluated()
 
     def chosen(self, index: UInt32) -> Echoes:

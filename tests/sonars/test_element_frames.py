@@ -124,7 +124,7 @@ def test_every_echo_is_in_one_doppler_class(variant, monkeypatch):
     half = 0.5 * (factors[1] - factors[0])
     doppler = mi.Float64(np.r_[factors, factors + half, factors - half, 0.995 - 1e-9, 1.005 + 1e-9])
     echoes = SimpleNamespace(chosen=lambda index: index)
-    source = SimpleNamespace(position=np.zeros(3), way_back=lambda _: None)
+    source = SimpleNamespace(position=np.zeros(3), way_back=lambda *_, **__: None)
     monkeypatch.setattr(echo_classes, "time_scale", lambda *_, **__: (doppler, mi.Float64(0.5 * PULSE) / doppler))
     classes, count, where = echo_classes.DopplerClasses(factors, 0.0, pulse), len(factors), {}
 

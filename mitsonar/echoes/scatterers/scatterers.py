@@ -271,9 +271,12 @@ class Scatterers:
             part = slice(first, last + 1)
             begin = np.maximum(start - (ends[part] - counts[part]), 0)
             taken = np.minimum(ends[part], stop) - np.maximum(ends[part] - counts[part], start)
-            number = np.arange(stop - start) + np.repeat(begin - (np.cumsum(taken) - taken), taken)
-            k = np.repeat(firsts[part], taken) + np.repeat(steps[part], taken) * number
-            yield upload(mi.UInt32, np.repeat(facets[part], taken)), upload(mi.UInt32, k.astype(np.uint32))
+            # modulo 2^32, which k is below: what is added may be negative
+            begin = firsts[part] + steps[part] * (begin - (np.cumsum(taken) - taken))
+            k = np.arange(stop - start, dtype=np.uint32)
+            k *= np.repeat(steps[part].astype(np.uint32), taken)
+            k += np.repeat(begin.astype(np.uint32), taken)
+            yield upload(mi.UInt32, np.repeat(facets[part].astype(np.uint32), taken)), upload(mi.UInt32, k)
 
     def of(self, hits: Hits) -> tuple[mi.UInt32, mi.UInt32]:
         """Return the facet of each hit, and the scatterer that owns its place there, UInt32 (R,)."""

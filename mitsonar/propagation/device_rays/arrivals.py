@@ -15,7 +15,7 @@ from mitsonar.water.profile import SoundSpeedProfile
 
 from ..numpy_rays.eigenrays import eigenray
 from .aiming import CLOSE_ENOUGH, aim
-from .layer_table import LayerTable
+from .layer_table import LayerTable, within_sole_range
 from .two_point import MAX_TUBE_GAIN, PointState, SourceState, to_hit
 
 
@@ -44,7 +44,7 @@ def earliest(table: LayerTable, lib: ArrayTypes, source: SourceState | PointStat
                                             dr.opaque(lib.Float64, CLOSE_ENOUGH))
     z0, _, _ = source.gather(lib, source_index)
     found &= dr.isfinite(time) & dr.isfinite(p)
-    unsure = active & ~(found & (x < table.sole_range(z0, z)))
+    unsure = active & ~(found & within_sole_range(table, z0, z, x))
     state = {"found": found, "travel_time": time, "arc_length": arc, "spreading_area": area, "ray_parameter": p,
              "launch_sine": sine0, "arrival_sine": sine, "sound_speed": c}
     dr.eval(state, unsure)

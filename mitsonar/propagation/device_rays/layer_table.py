@@ -71,9 +71,12 @@ class LayerTable(Record):
             index = lib.UInt32(dr.fma(number[0], self.sole_cells, number[1]))
             ranges.append(dr.gather(lib.Float, self.sole, index))
         known = dr.select(abs(depth - other) < 3 * EDGE, dr.minimum(*ranges), dr.maximum(*ranges))
-        # rays that turn are long where depths differ
+        return dr.maximum(known, self.least_turn(depth, other))
+
+    def least_turn(self, depth: Float64, other: Float64) -> Float:
+        """Return the range [m] below which no ray between two depths turns: those that do are long if depths differ."""
         height = dr.minimum(abs(depth - other), self.radius)
-        return dr.maximum(known, lib.Float(SAFE * dr.sqrt(height * (2 * self.radius - height))))
+        return self.lib.Float(SAFE * dr.sqrt(height * (2 * self.radius - height)))
 
     def speed(self, depth: Float64) -> tuple[Float64, Float64]:
         """Return the sound speed [m/s] and its gradient [1/s] at each depth."""
@@ -100,6 +103,15 @@ class LayerTable(Record):
                 moments[i] += power
                 power *= e
         return dr.fma(g, length, c_k), g, moments
+
+
+@dr.syntax
+def within_sole_range(table: LayerTable, depth: Float64, other: Float64, x: Float64) -> Bool:
+    """Return True for ranges x (R,) [m] below `LayerTable.sole_range`, which is looked up only where it decides."""
+    sole = x < table.least_turn(depth, other)
+    if ~sole:
+        sole = x < table.sole_range(depth, other)
+    return sole
 
 
 @dr.syntax

@@ -41,23 +41,29 @@ class ReturnPaths(Record):
     hit_fields: list[Float]  # (H,): for the `DIFFERENCES` of the method
     direction: tuple[Float, Float, Float]  # (H,): of travel at the centre, unit vectors in scene coordinates
     rough: Bool  # (H,): the ray turned between the ends, or runs nearly level
+    later: Float64 | None = None  # [s]: fields and direction are those of sound that leaves this much later
 
-    def expected_error(self, element_fields: Sequence[np.ndarray]) -> Float:
-        """Return the largest error to expect of the method "vector" at some elements."""
+    def expected_error(self, element_fields: Sequence[np.ndarray],
+                       of_pair: Callable[[Sequence[Float], Sequence[Float]], Float] = expected_error) -> Float:
+        """Return the largest error to expect of the method "vector" at some elements, by a function of both fields."""
         # element_fields (E,) -> (H,) [s]
         kind = type(self.hit_fields[0])
         error = dr.select(self.rough, dr.inf, kind(0))
         for k in range(len(element_fields[0])):
             element = [dr.opaque(kind, float(field[k])) for field in element_fields]
-            error = dr.maximum(error, expected_error(self.hit_fields, element))
+            error = dr.maximum(error, of_pair(self.hit_fields, element))
         return error
 
 
 def return_paths(table: LayerTable, source: SourceState | PointState, source_index: UInt32, displacement: Vector64,
                  travel_time: Float64, ray_parameter: Float64, spreading_area: Float, launch_sine: Float, *,
                  travel: Travel, method: Literal["vector", "paper"] = "vector",
-                 elapsed: Float64 | None = None, slope: Vector64 | None = None) -> ReturnPaths:
-    """Carry the echoes of traced hits back to the centre of the moving, turning array."""
+                 elapsed: Float64 | None = None, slope: Vector64 | None = None,
+                 later: Float64 | None = None) -> ReturnPaths:
+    """Carry the echoes of traced hits back to the centre of the moving, turning array.
+
+    With `later`, only the times are of echoes that leave at `elapsed`; all else is of echoes that leave so much later.
+    """
     # source_index (H,); displacement (H,) [m]; travel_time (H,) [s]; ray_parameter (H,) [s/m];
     # spreading_area (H,) [m²/sr]; launch_sine (H,); elapsed (H,) [s]
     lib = table.lib
@@ -73,8 +79,8 @@ def return_paths(table: LayerTable, source: SourceState | PointState, source_ind
         upright = x < 1e-9
         scale = dr.rcp(dr.select(upright, 1, x))
         bearing = dr.select(upright, 1, displacement.x * scale), dr.select(upright, 0, displacement.y * scale)
-        time, leg, vector, rise = centre_return(exact, travel_time, bearing, up, travel,
-                                                _slice_to(table, z0, moments0), elapsed)
+        time, received, leg, vector, rise = centre_return(exact, travel_time, bearing, up, travel,
+                                                          _slice_to(table, z0, moments0), elapsed, later)
         # the vector has the ray's p, but the sound speed of the leg
         bend = table.at(z0 - rise)[0] / leg.speed
         cosine = dr.sqrt(dr.maximum(1 - dr.square(bend * leg.horizontal), 0))
@@ -83,15 +89,23 @@ def return_paths(table: LayerTable, source: SourceState | PointState, source_ind
         time, leg, vector, rise = paper_centre_return(
             travel_time, (-displacement.x, -displacement.y, -displacement.z), travel, lambda h: table.at(z0 - h)[0],
             elapsed)
+        received = elapsed + time
+        if later is not None:
+            there, leg, vector, rise = paper_centre_return(
+                travel_time, (-displacement.x, -displacement.y, -displacement.z), travel,
+                lambda h: table.at(z0 - h)[0], elapsed + later)
+            received = elapsed + later + there
         direction = vector
     if slope is not None:
         time += dot(slope, travel.moved(elapsed + time))
-    fields = hit_fields(leg, vector, rise, elapsed + time, travel, c0)
+    if later is None:
+        received = elapsed + time
+    fields = hit_fields(leg, vector, rise, received, travel, c0)
     if slope is not None:            # the delay of an element at d is n·d / (c - v·n), so that n carries the slope
-        turned = rotated([part * fields[8] for part in slope], travel.turned(elapsed + time), back=True)
+        turned = rotated([part * fields[8] for part in slope], travel.turned(received), back=True)
         fields[:3] = [part + more for part, more in zip(fields[:3], turned)]
     return ReturnPaths(return_time=time, hit_fields=[F(field) for field in fields],
-                       direction=tuple(F(component) for component in direction), rough=rough)
+                       direction=tuple(F(component) for component in direction), rough=rough, later=later)
 
 
 def _integrals(table: LayerTable, z0: Float64, c0: Float64, moments0: list[Float64], z: Float64, x: Float64, p: Float64,

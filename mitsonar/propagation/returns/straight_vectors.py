@@ -24,6 +24,7 @@ import drjit as dr
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mitsonar.device.arrays import arrays_of
 from mitsonar.device.rotations import rotated
 from mitsonar.device.types import Numbers, Triple
 
@@ -83,6 +84,8 @@ def hit_fields(leg: StraightLeg, direction: Triple, rise: Numbers, elapsed: Numb
     # direction (H,); rise (H,) [m]; elapsed (H,) [s]; origin_speed (H,) [m/s] -> (H,)
     velocity, (wx, wy, wz) = travel.velocity(elapsed), travel.turn_rate(elapsed)
     rotation = travel.turned(elapsed)
+    if dr.is_jit_v(rotation[0]):
+        rotation = [arrays_of(part).Float(part) for part in rotation]
     nx, ny, nz = direction
     zero = 0 * leg.speed
     ratio, inverse = leg.speed / origin_speed, 1 / leg.length

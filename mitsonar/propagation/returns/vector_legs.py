@@ -27,11 +27,11 @@ def matched_leg(range_per_parameter: Numbers, second: Numbers, third: Numbers, r
 
 def centre_return(leg: StraightLeg, travel_time: Numbers, bearing: tuple[Numbers, Numbers], upwards: Numbers,
                   travel: Travel,
-                  slice_to: Callable[[Numbers], tuple[Numbers, Numbers]],
-                  elapsed: Numbers | None = None) -> tuple[Numbers, StraightLeg, Triple, Numbers]:
-    """Find the array's centre at reception, and match the leg to this point."""
-    # travel_time (H,) [s]; bearing (H,) [-]; upwards (H,) [-]; elapsed (H,) [s] -> return_time (H,) [s], direction
-    # (H,), rise (H,) [m]
+                  slice_to: Callable[[Numbers], tuple[Numbers, Numbers]], elapsed: Numbers | None = None,
+                  later: Numbers | None = None) -> tuple[Numbers, Numbers, StraightLeg, Triple, Numbers]:
+    """Find the array's centre at reception, and match the leg to this point, or to that of sound sent `later`."""
+    # travel_time (H,) [s]; bearing (H,) [-]; upwards (H,) [-]; elapsed (H,) [s]; later (1,) [s]
+    # -> return_time (H,) [s], time of reception of what leaves `later` (H,) [s], direction (H,), rise (H,) [m]
     xp = library(travel_time)
     n = (-bearing[0] * leg.horizontal, -bearing[1] * leg.horizontal, upwards * leg.vertical)
     elapsed = travel_time if elapsed is None else elapsed
@@ -48,15 +48,22 @@ def centre_return(leg: StraightLeg, travel_time: Numbers, bearing: tuple[Numbers
     straight, shrinking = straight_delay(dot(n, place), dot(place, place), inverse, leg.speed, closing, c2 - square)
     delay, height, excess = straight, 0.0, 0.0
     closing = leg.speed - (leg.speed - closing + inverse * square * delay) * shrinking
-    for _ in range(2):          # the slice moves the time, the time the slice: a thousandth of it
+    for again in range(2):      # the slice moves the time, the time the slice: a thousandth of it
         height = upwards * (place[2] + velocity[2] * delay)
-        mean, variance = slice_to(upwards * height)
-        excess = c2 * mean - 1
+        if not again:           # its water stays the same within micrometres
+            mean, variance = slice_to(upwards * height)
+            excess = c2 * mean - 1
         correction = corrections(leg.vertical, leg.horizontal, leg.third, inverse, shrinking, height, excess,
                                  c2 * c2 * variance)[0]
         delay = straight + correction / closing
     # the leg to there: the matched layer and the slice in a row, at the p that spans the new range; in units of c_m
-    place = [part + v * delay for part, v in zip(place, velocity)]
+    place, received = [part + v * delay for part, v in zip(place, velocity)], wait + delay
+    if later is not None:
+        # the point where the array is then, to first order of v / c in the time; only the leg's shape depends on it
+        ahead = [part - before for part, before in zip(travel.moved(received + later), place)]
+        received = received + later + dot(n, ahead) / leg.speed
+        place = travel.moved(received)
+        excess = c2 * slice_to(place[2])[0] - 1
     x, y = leg.length * n[0] + place[0], leg.length * n[1] + place[1]
     across = xp.sqrt(x * x + y * y)
     layer, height = leg.length * leg.vertical, upwards * place[2]
@@ -74,7 +81,7 @@ def centre_return(leg: StraightLeg, travel_time: Numbers, bearing: tuple[Numbers
     still = across < 1e-9
     scale = there.horizontal / select(still, 1.0, across)
     direction = select(still, 0.0, x * scale), select(still, 0.0, y * scale), upwards * there.vertical
-    return travel_time + delay, there, direction, upwards * height
+    return travel_time + delay, received, there, direction, upwards * height
 
 
 def _two_layers(leg: StraightLeg, p: Numbers, layer: Numbers, height: Numbers,

@@ -13,7 +13,6 @@ from mitsonar.signal.accumulation import ImpulseResponses
 from mitsonar.sonar.arrays.array import Array
 
 from .array_survey import Sampling
-from .doppler import factor_per_metre
 from .echo_classes import SortedEchoes
 from .ping_source import PingSource
 
@@ -21,7 +20,6 @@ MOST_DOUBTFUL = 0.5                # share of doubtful echoes above which an arr
 SMALL_ARRAY = 1.0                  # [m] radius below which doubtful echoes are traced one by one without an error
 FEWEST_JUDGED = 1000               # least number of echoes for a verdict
 ALL_ROWS = slice(None)
-DRIFT = 1e-3                       # [cycles] that elements may drift from the source until a pulse's middle
 Kind = TypeVar("Kind", bound="ElementDelays")
 
 
@@ -66,18 +64,6 @@ class ElementDelays(ABC):
     def stands_off(self, element: int) -> bool:
         """Return True if a transmit element is not where the source is."""
         return bool(np.any(self.transmit.position[element] != self.source.position))
-
-    def moment(self, some: SortedEchoes, rows: slice) -> float:
-        """Return the moment of the pulse [s] for which the delays of receive elements against the source are taken.
-
-        While an array passes, its elements approach an echo at other speeds than the source, so that delays at the
-        beginning of a long pulse do not hold for its middle. The moment is 0 if that matters less than `DRIFT`.
-        """
-        if not some.moment:
-            return 0.0
-        reach = np.linalg.norm(self.receive.position[rows] - self.source.position, axis=1).max()
-        cycles = some.moment * factor_per_metre(self.source, some.echoes) * reach * self.source.speed / self.wavelength
-        return some.moment if cycles > DRIFT else 0.0
 
     def placed(self, some: SortedEchoes, arrival: Float64) -> tuple[Float, Int32, Float]:
         """Return phase, sample and fraction of echoes with arrival times (R,) [s]; see `Sampling.place`."""

@@ -20,10 +20,10 @@ from mitsonar.propagation.returns.return_paths import ReturnPaths
 from mitsonar.signal.doppler import Glide, factor_tolerance, longer_period
 from mitsonar.sonar.pulses.pulses import Pulse
 
-from .doppler import receiver_groups, time_scale
+from .doppler import SAME_PLACE, factor_per_metre, receiver_groups, time_scale
 from .ping_source import PingSource
 
-SAME_PLACE = 1e-9                  # [m]
+DRIFT = 1e-3                       # [cycles] that elements may drift from the source until a pulse's middle
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,12 +34,12 @@ class SortedEchoes:
     late: Float64  # (R,) [s], additional delay, in phase as in place
     turn: Float64 | None = None  # (R,) [cycles], lead of the phases
     sheet: UInt32 | None = None  # (R,), numbers of the classes, counted from the first wanted class
-    moment: float = 0.0  # [s], moment of the pulse to which `late` of an element at the source refers
-    back: ReturnPaths | None = None  # of echoes that leave at `Echoes.arrival`, if they are known
+    moment: float = 0.0  # [s], moment of the pulse for which the delays of elements against the source are taken
+    back: ReturnPaths | None = None  # of echoes that leave at `Echoes.arrival`, and at the moment, if they are known
 
     def with_way_back(self, source: PingSource) -> tuple[SortedEchoes, ReturnPaths]:
         """Return the echoes with their paths back to a source, and these paths."""
-        back = source.way_back(self.echoes) if self.back is None else self.back
+        back = source.way_back(self.echoes, later=self.moment) if self.back is None else self.back
         return replace(self, back=back), back
 
     def chosen(self, index: UInt32) -> SortedEchoes:
@@ -61,9 +61,9 @@ class EchoClasses(ABC):
 
     @abstractmethod
     def sort(self, source: PingSource, echoes: Echoes, wanted: range, *, sender: np.ndarray, receiver: np.ndarray,
-             delay: float) -> SortedEchoes | None:
+             delay: float, reach: float = 0.0) -> SortedEchoes | None:
         """Return the echoes of the wanted classes; None if there are none."""
-        # sender, receiver (3,) [m]; delay [s]
+        # sender, receiver (3,) [m]; delay [s]; reach [m], of receive elements from the source
 
 
 class OneClass(EchoClasses):
@@ -78,7 +78,7 @@ class OneClass(EchoClasses):
         return [(slice(None), source.position)]
 
     def sort(self, source: PingSource, echoes: Echoes, wanted: range, *, sender: np.ndarray, receiver: np.ndarray,
-             delay: float) -> SortedEchoes:
+             delay: float, reach: float = 0.0) -> SortedEchoes:
         """Return all echoes; see `EchoClasses.sort`."""
         if not delay:
             return SortedEchoes(echoes=echoes, late=dr.opaque(arrays_of(mi.Float).Float64, 0.0))
@@ -100,10 +100,11 @@ class DopplerClasses(EchoClasses):
         return receiver_groups(source, echoes, position, factor_tolerance(self.pulse))
 
     def sort(self, source: PingSource, echoes: Echoes, wanted: range, *, sender: np.ndarray, receiver: np.ndarray,
-             delay: float) -> SortedEchoes | None:
+             delay: float, reach: float = 0.0) -> SortedEchoes | None:
         """Return each echo in the class of the nearest factor; see `EchoClasses.sort`."""
         moment = self.begin + 0.5 * self.pulse.duration + delay
-        back = source.way_back(echoes)
+        later = self._later(source, echoes, moment, reach)
+        back = source.way_back(echoes, later=later)
         doppler, when = time_scale(source, echoes, back, sender=sender, receiver=receiver, moment=moment)
         if not np.allclose(receiver, source.position, rtol=0, atol=SAME_PLACE):
             _, when = time_scale(source, echoes, back, sender=sender, receiver=source.position, moment=moment)
@@ -123,7 +124,18 @@ class DopplerClasses(EchoClasses):
             more, turn = glide.shift(longer_period(doppler - 1, factor - 1), factor)
             late += more
         return SortedEchoes(echoes=echoes, late=late, turn=turn,
-                            sheet=number - wanted.start if len(wanted) > 1 else None, moment=moment, back=back)
+                            sheet=number - wanted.start if len(wanted) > 1 else None, moment=later, back=back)
+
+    def _later(self, source: PingSource, echoes: Echoes, moment: float, reach: float) -> float:
+        """Return the moment [s] for which delays of receive elements up to `reach` [m] from the source are taken.
+
+        While an array passes, its elements approach an echo at other speeds than the source, so that delays at the
+        beginning of a long pulse do not hold for its middle. The moment is 0 if that matters less than `DRIFT`.
+        """
+        if not (moment and reach):
+            return 0.0
+        cycles = moment * factor_per_metre(source, echoes) * reach * self.pulse.frequency
+        return moment if cycles > DRIFT else 0.0
 
     def _nearest(self, doppler: Float64) -> tuple[UInt32, Float64]:
         """Return the number and the factor of the class nearest to each factor."""

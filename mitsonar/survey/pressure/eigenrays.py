@@ -54,9 +54,8 @@ class EigenrayDelays(ElementDelays):
         middle, _ = exact_return(view.layers, lib, depth, place, out, centre, travel, echoes.back.travel_time)
         middle = _through_field(middle, echoes.back, travel, out, centre)
         met, arrival, then = out, out + middle, middle
-        moment = self.moment(some, rows)
-        if moment:
-            met = out + dr.opaque(lib.Float64, moment)
+        if some.moment:
+            met = out + dr.opaque(lib.Float64, some.moment)
             then, _ = exact_return(view.layers, lib, depth, place, met, centre, travel, middle)
             then = _through_field(then, echoes.back, travel, met, centre)
         dr.eval(met, arrival, real, imaginary, then)

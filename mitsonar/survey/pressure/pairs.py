@@ -46,7 +46,7 @@ SAME_PLANE = 1e-9                  # [m]
 FEWEST_ON_A_LINE = 16              # least number of elements for which polynomials save time
 MOST_LINES = 4                     # most lines of an array: an echo has 40 to 56 bytes of polynomials for each
 LINE_ERROR = 1e-11                 # [s] largest error of their delays
-PATTERN_ERROR = 6.75e-6            # largest error of their pressures: that of five points at x = 0.6
+PATTERN_ERROR = 2e-5              # largest error of their pressures, -94 dB
 
 OfPair: TypeAlias = Callable[[Sequence[Float], Sequence[Float]], Float]
 

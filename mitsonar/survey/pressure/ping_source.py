@@ -75,12 +75,13 @@ class View:
         return pressure(array, [mi.Float(part) for part in direction], wavelength,
                         self.rotation @ array.normal[element], self.rotation @ array.along[element])
 
-    def carried(self, leg: EchoLeg, method: Method, travel: Travel, elapsed: Float64) -> ReturnPaths:
+    def carried(self, leg: EchoLeg, method: Method, travel: Travel, elapsed: Float64,
+                later: float = 0.0) -> ReturnPaths:
         """Return the paths of echoes along a leg back to the moving source; arguments as of `return_paths`."""
         only_source = arrays_of(mi.Float).UInt32(0)
         return return_paths(self.layers, self.state, only_source, leg.offset, leg.travel_time, leg.ray_parameter,
                             leg.spreading_area, -leg.launch_direction.z, travel=travel, method=method,
-                            elapsed=elapsed, slope=leg.slope)
+                            elapsed=elapsed, slope=leg.slope, later=dr.opaque(mi.Float64, later) if later else None)
 
 
 class PingSource:
@@ -109,10 +110,14 @@ class PingSource:
         """Return the view for a leg."""
         return self.mirrored if leg.folded else self.direct
 
-    def way_back(self, echoes: Echoes, method: Method = "vector", met: Float64 | None = None) -> ReturnPaths:
-        """Return the paths back to the source at its place then; echoes leave at `met` [s], else `Echoes.arrival`."""
+    def way_back(self, echoes: Echoes, method: Method = "vector", met: Float64 | None = None,
+                 later: float = 0.0) -> ReturnPaths:
+        """Return the paths back to the source at its place then; echoes leave at `met` [s], else `Echoes.arrival`.
+
+        With `later` [s], see `return_paths`.
+        """
         view = self.view(echoes.back)
-        return view.carried(echoes.back, method, view.travel, echoes.arrival if met is None else met)
+        return view.carried(echoes.back, method, view.travel, echoes.arrival if met is None else met, later)
 
     def way_out(self, echoes: Echoes) -> ReturnPaths:
         """Return the ways out, reversed: from the first scatterer to the array at the transmission."""

@@ -146,6 +146,8 @@ class PingPressure:
             blocks = ensonified.echoes(number, each_of(progress, done, with_cells))
             for echoes in (block for block in blocks if record.paths is None or block.path in record.paths):
                 for rows, centre in classes.receiver_groups(source, echoes, receivers):
-                    chosen = classes.sort(source, echoes, wanted, sender=sender, receiver=centre, delay=delay)
+                    reach = float(np.linalg.norm(receivers[rows] - source.position, axis=1).max())
+                    chosen = classes.sort(source, echoes, wanted, sender=sender, receiver=centre, delay=delay,
+                                          reach=reach)
                     if chosen is not None:
                         delays.add(sums, chosen, element, weight=float(weight * share), rows=rows)

@@ -24,7 +24,13 @@ from mitsonar.device.types import Bool, Float, Float64, UInt32
 from mitsonar.echoes.record import Echoes
 from mitsonar.echoes.scatterers.element_beams import omni
 from mitsonar.propagation.returns.return_paths import ReturnPaths
-from mitsonar.propagation.returns.vector_approximation import vector_difference, vector_element_fields
+from mitsonar.propagation.returns.vector_approximation import (
+    expected_error,
+    level_error,
+    stays_level,
+    vector_difference,
+    vector_element_fields,
+)
 from mitsonar.signal.accumulation import NOWHERE, ImpulseResponses
 
 from .delays import ALL_ROWS, ElementDelays
@@ -58,7 +64,7 @@ class VectorDelays(ElementDelays):
         # ---- return to the source at its place then; sound from an element farther off reaches the scatterer later
         met = None if farther is None else echoes.arrival + farther
         known = some.back if met is None and self.method == "vector" else None
-        back = source.way_back(echoes, self.method, met) if known is None else known
+        back = source.way_back(echoes, self.method, met, some.moment) if known is None else known
         total = (echoes.arrival if met is None else met) + back.return_time
         phase, sample, fraction = self.placed(some, total)
         if without is not None:
@@ -67,19 +73,14 @@ class VectorDelays(ElementDelays):
         if farther is not None:
             factor *= lib.Float(echoes.out.travel_time / (echoes.out.travel_time + farther))
         # ---- each element by its own difference, at the moment that represents the pulse
-        moment = self.moment(some, rows)
-        if moment:
-            later = dr.opaque(lib.Float64, moment)
-            back = source.way_back(echoes, self.method, (echoes.arrival if met is None else met) + later)
-            total = total + later
         towards = None
         if not omni(receive):
-            towards = rotated([-lib.Float64(part) for part in back.direction], view.travel.turned(total), back=True)
-            towards = [lib.Float(part) for part in towards]
+            turned = view.travel.turned(total if back.later is None else total + back.later)
+            towards = rotated([-part for part in back.direction], [lib.Float(part) for part in turned], back=True)
         received = ReceivedEchoes(back, view, receive, wavelength=self.wavelength, method=self.method, towards=towards)
         if received.ahead is not None:
             factor = dr.select(received.ahead, factor, 0)
-        nearest = source.speed * float(dr.min(echoes.back.travel_time)[0])
+        nearest = source.speed * echoes.back.soonest
         parts = received.pairs(rows, nearest, source.speed)
         real, imaginary = echoes.amplitude
         amplitude = real * factor, imaginary * factor
@@ -95,17 +96,20 @@ class VectorDelays(ElementDelays):
     def doubtful(self, echoes: Echoes, back: ReturnPaths) -> Bool:
         """Return True for echoes whose error may exceed GUARD at an element: Bool (R,), not yet evaluated."""
         source = self.source
-        error = back.expected_error(self._outermost(source.view(echoes.back)))
+        error = self._expected_error(back, source.view(echoes.back))
         if not echoes.single:
-            error = dr.maximum(error, source.way_out(echoes).expected_error(self._outermost(source.view(echoes.out))))
+            error = dr.maximum(error, self._expected_error(source.way_out(echoes), source.view(echoes.out)))
         # an error that is NaN is in doubt, too
         return ~(error <= dr.opaque(arrays_of(mi.Float).Float, GUARD))
 
-    def _outermost(self, view: View) -> list:
-        """Return the fields of the outermost transmit and receive elements."""
+    def _expected_error(self, paths: ReturnPaths, view: View) -> Float:
+        """Return the largest error [s] to expect at the outermost transmit and receive elements."""
         offsets = np.concatenate([view.offsets(array) for array in (self.transmit, self.receive)])
         outermost = np.unique([pick(column) for column in offsets.T for pick in (np.argmin, np.argmax)])
-        return vector_element_fields(offsets[outermost], view.depth, view.profile)
+        # at the source itself there is no error
+        offsets = offsets[[number for number in outermost if offsets[number].any()]]
+        of_pair = level_error if stays_level(offsets, view.profile, view.tilt, view.climb) else expected_error
+        return paths.expected_error(vector_element_fields(offsets, view.depth, view.profile), of_pair)
 
     def _transmit_delay(self, echoes: Echoes, element: int, way_out: ReturnPaths) -> Float64:
         """Return the delay to scatterers from a transmit element, relative to the source [s]."""
