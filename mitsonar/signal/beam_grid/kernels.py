@@ -8,18 +8,21 @@ Complex arrays are real and imaginary parts by turns. Sizes are opaque: a new on
 """
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import drjit as dr
 import numpy as np
 
-from mitsonar.device.arrays import arrays_of, upload
+from mitsonar.device.arrays import arrays_of, looped, upload
 from mitsonar.device.types import ArrayTypes, Float, UInt32
 
 from .noise import gaussians
 from .pulse_response import RowTransfers
 from .transforms import divided, tiles
+
+TOGETHER = 32                      # rows of a lane
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -73,14 +76,24 @@ class Reading:
 def by_frequency(spectra: Float, sizes: Sizes, transfers: RowTransfers, noise: Noise | None) -> Float:
     """Multiply spectra (rows, length) by the rows' transfer functions: (F, period); other rows are 0."""
     lib, U = arrays_of(spectra), arrays_of(spectra).UInt32
-    count, period = sizes.frequencies, dr.opaque(U, sizes.period)
-    number, row = tiles(lib, count, sizes.rows)
-    place = row * dr.opaque(U, sizes.length) + dr.gather(U, sizes.used, number)
-    z = _complex(lib, spectra, place) * _transfer(lib, transfers, number, row)
-    if noise is not None:
-        z += _row_noise(lib, noise, sizes, number, row)
-    into = dr.zeros(lib.Float, 2 * count * sizes.period)
-    dr.scatter(into, lib.Array2f(z.real, z.imag), number * period + row)
+    rows, period, length, more = (dr.opaque(U, size) for size in (sizes.rows, sizes.period, sizes.length, 1))
+    number, part = tiles(lib, sizes.frequencies, -(-sizes.rows // TOGETHER))
+    column, first = dr.gather(U, sizes.used, number), part * TOGETHER
+    last, into = dr.minimum(first + TOGETHER, rows), dr.zeros(lib.Float, 2 * sizes.frequencies * sizes.period)
+    transfer = _transfer(lib, transfers, number)
+    drawn = None if noise is None else _RowNoise(lib, noise, sizes, number)
+
+    def turn(row: UInt32, *around: Float) -> tuple:
+        z = _complex(lib, spectra, row * length + column) * transfer(row)
+        if drawn is not None:
+            around += drawn.of(row + more)
+            z += drawn.summed(around)
+        dr.scatter(into, lib.Array2f(z.real, z.imag), number * period + row)
+        return row + more, *around[3:]
+
+    # a lane follows its rows one by one: each row's noise is drawn once for itself and both neighbours
+    looped((first, *(() if drawn is None else (*drawn.of(U(lib.Int32(first) - 1)), *drawn.of(first)))),
+           lambda row, *_: row < last, turn, "rows")
     return into
 
 
@@ -117,25 +130,42 @@ def by_beam(spectra: Float, sizes: Sizes, period: int, reading: Reading, turn: F
     dr.eval(into)
 
 
-def _transfer(lib: ArrayTypes, transfers: RowTransfers, number: UInt32, row: UInt32) -> Any:
-    """Return P of a row's factor at the frequencies of these numbers."""
+def _transfer(lib: ArrayTypes, transfers: RowTransfers, number: UInt32) -> Callable[[UInt32], Any]:
+    """Return a function that gives P of a row's factor at the frequencies of these numbers."""
     U, F = lib.UInt32, lib.Float
-    mix = dr.gather(lib.Array4f, upload(F, transfers.mix.view(np.float32)), row)
-    begin = dr.gather(U, upload(U, transfers.node), row) * dr.opaque(U, transfers.pairs.shape[1])
-    pair = dr.gather(lib.Array4f, upload(F, transfers.pairs.view(np.float32)), begin + number)
-    return (lib.Complex2f(mix[0], mix[1]) * lib.Complex2f(pair[0], pair[1])
-            + lib.Complex2f(mix[2], mix[3]) * lib.Complex2f(pair[2], pair[3]))
+    mixes, nodes = upload(F, transfers.mix.view(np.float32)), upload(U, transfers.node)
+    pairs, pitch = upload(F, transfers.pairs.view(np.float32)), dr.opaque(U, transfers.pairs.shape[1])
+
+    def of(row: UInt32) -> Any:
+        mix = dr.gather(lib.Array4f, mixes, row)
+        pair = dr.gather(lib.Array4f, pairs, dr.gather(U, nodes, row) * pitch + number)
+        return (lib.Complex2f(mix[0], mix[1]) * lib.Complex2f(pair[0], pair[1])
+                + lib.Complex2f(mix[2], mix[3]) * lib.Complex2f(pair[2], pair[3]))
+
+    return of
 
 
-def _row_noise(lib: ArrayTypes, noise: Noise, sizes: Sizes, number: UInt32, row: UInt32) -> Any:
-    """Return the noise of a row and its two neighbours, through the bell and the replica."""
-    U = lib.UInt32
-    key, rows, total = dr.opaque(U, noise.key), dr.opaque(U, sizes.rows), lib.Complex2f(0)
-    for away in (-1, 0, 1):
-        other = U(lib.Int32(row) + away)             # before the first row a large number
-        size = dr.gather(lib.Float, noise.row, other, other < rows) * dr.opaque(lib.Float, noise.taps[abs(away)])
-        total += lib.Complex2f(*gaussians(lib, number * rows + other, key)) * size
-    return total * dr.gather(lib.Float, noise.frequency, number)
+class _RowNoise:
+    """Noise of rows at the frequencies of these numbers, through the bell and the replica."""
+
+    def __init__(self, lib: ArrayTypes, noise: Noise, sizes: Sizes, number: UInt32):
+        self._lib, self._row, self._number = lib, noise.row, number
+        self._key, self._rows = dr.opaque(lib.UInt32, noise.key), dr.opaque(lib.UInt32, sizes.rows)
+        self._taps = [dr.opaque(lib.Float, tap) for tap in noise.taps]
+        self._replica = dr.gather(lib.Float, noise.frequency, number)
+
+    def of(self, row: UInt32) -> tuple[Float, Float, Float]:
+        """Return a row's Gaussians, and their size; 0 off the grid, where numbers before the first row are large."""
+        size = dr.gather(self._lib.Float, self._row, row, row < self._rows)
+        return *gaussians(self._lib, self._number * self._rows + row, self._key), size
+
+    def summed(self, around: Sequence[Float]) -> Any:
+        """Return the noise of a row from what `of` gives for the row before, itself and the next."""
+        total = self._lib.Complex2f(0)
+        for place, away in enumerate((1, 0, 1)):
+            real, imaginary, size = around[3 * place:3 * place + 3]
+            total += self._lib.Complex2f(real, imaginary) * (size * self._taps[away])
+        return total * self._replica
 
 
 def _complex(lib: ArrayTypes, values: Float, place: UInt32) -> Any:
