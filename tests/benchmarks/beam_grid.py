@@ -76,7 +76,7 @@ def stages(frame, ping):
     grid = frame.added()
     lap("echoes on the grid")
     names = {"transformed": "FFTs", "by_frequency": "pulse, Doppler, sea noise, to frequencies",
-             "through_the_line": "line, own noise", "by_beam": "to beams"}
+             "through_the_line": "line, own noise", "by_record": "to records", "by_beam": "to beams"}
     kept = {name: getattr(line_beams, name) for name in names}
     try:
         for name, words in names.items():

@@ -3,13 +3,16 @@
 The number in a region is the integral of (1) of the module over it, within the 5 sigma of what low-discrepancy places
 and one hash a facet leave (Poisson is an upper bound). The areas of all scatterers of a region add to its own.
 """
+from dataclasses import replace
+
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
 
+from mitsonar.echoes.scatterers import thinned_scatterers
 from mitsonar.echoes.scatterers.scatterers import Scatterers
-from mitsonar.echoes.scatterers.thinned_scatterers import Density, ThinnedScatterers
+from mitsonar.echoes.scatterers.thinned_scatterers import Density, ThinnedScatterers, TransmitLobe
 from mitsonar.scene.geometry import Geometry
 from mitsonar.validation import scenes
 
@@ -80,6 +83,33 @@ def test_fewer_a_cell_are_a_part_of_more(scatterers):
 def test_too_many_are_refused(scatterers):
     with pytest.raises(ValueError, match="the limit is .*Use fewer"):
         scatterers.candidates(density(per_cell=1e6), lambda direction, distance, wider: mi.Bool(True))
+
+
+LOBES = {"everywhere": (), "in a narrow lobe": (0.02,), "in two wide ones": (0.2, 0.3)}
+
+
+@pytest.mark.parametrize("cells", LOBES)
+@pytest.mark.parametrize("around", [False, True])
+@pytest.mark.parametrize("height", [0.1, 5.0, 20.0])
+def test_groups_of_patches_miss_no_scatterer(variant, monkeypatch, cells, around, height):
+    """A rough bed and a slanted plate, from close by to far off, looked at patch by patch and group by group."""
+    bed = {"type": "seabed", "depth": 15.0, "length": 60.0, "width": 40.0, "spacing": 0.4, "fractal_rms": 0.5,
+           "bsdf": scenes.lambert()}
+    plate = {"type": "rectangle", "to_world": mi.ScalarTransform4f().translate([4, 6, -13]).rotate([1, 0, 0], 60),
+             "bsdf": scenes.lambert()}
+    facets = Scatterers(Geometry(scenes.array_sonar({"seabed": bed, "plate": plate})), np.inf)
+    origin = np.array([2.0, -1.0, -15.0 + height])
+    lobes = tuple(TransmitLobe(axis=np.array([0.6, 0.8, 0.0]), sine=0.1 * number, cell=cell, finer=1.5,
+                               place=np.array([0.0, 0.3 * number, 0.0])) for number, cell in enumerate(LOBES[cells]))
+    asked = replace(density(), origin=origin, around=around, lobes=lobes)
+    found = []
+    for fewest in (1 << 30, 1):
+        monkeypatch.setattr(thinned_scatterers, "FEWEST", fewest)
+        some = ThinnedScatterers(facets, farthest=REACH, places=origin[None])
+        listed = some.candidates(asked, lambda direction, distance, wider: mi.Bool(True))
+        found.append([part.numpy() for part in listed])
+    assert all(np.array_equal(one, other) for one, other in zip(*found))
+    assert len(found[0][0])
 
 
 def test_what_is_never_in_reach_has_no_patches():

@@ -32,6 +32,7 @@ from mitsonar.scene.geometry import scattered_rows
 
 from .cells import divisions
 from .nested_points import LEVELS, MOST_OF_A_FACET
+from .patch_groups import FEWEST, PatchGroups
 from .scatterers import Cells, Scatterers
 
 EDGE_ON = 0.25                     # share of the density that a surface seen edge-on keeps
@@ -42,6 +43,7 @@ SHARE = 1 / 64                     # greatest length of a patch, relative to the
 ACROSS = 1.4                       # scatterers per equivalent width of a long face's two-way beam, over q
 LOBE = 1.0, 2.0                    # cells from the axis at which the main lobe begins and ends to fall off
 BESIDE = 0.5, 1 / 32               # share of scatterers one cell outside the lobe, falling as 1 / distance; least share
+SLACK = 1e-3                       # of limits that are computed for groups of patches
 BLOCK, SMALL_BLOCK = 1024, 64      # patches that are tested together when those of a ping are chosen
 
 
@@ -115,6 +117,10 @@ class ThinnedScatterers:
         facts = np.stack([self._facet, first, 2 * level, beyond], 1, dtype=np.uint32)
         self._patches = upload(mi.UInt32, facts)
         dr.eval(self._table, self._patches)
+        self._groups: PatchGroups | None = None
+        if len(table) >= FEWEST and not everywhere:
+            threshold = self._threshold(dr.arange(mi.UInt32, len(table))).numpy()
+            self._groups = PatchGroups(table, threshold, ~facets.moving[self._facet])
         # facets of a whole scene are many more than a ping reaches
         self._block = SMALL_BLOCK if everywhere else BLOCK
         self._blocks = _balls(centre, radius, self._block)
@@ -190,7 +196,9 @@ class ThinnedScatterers:
         return self._facets.glinted(cells, cells.area / dr.maximum(m, 1e-30)), self._facets.exist(facet, k, m)
 
     def _in_reach(self, density):
-        """Return the numbers of the patches, uint32, in blocks that lie within reach."""
+        """Return the numbers of the patches, uint32, in groups or blocks that lie within reach."""
+        if self._groups is not None:
+            return self._groups.reaching(_most_of_groups(density, self._groups))
         centre, radius = self._blocks
         distance = np.linalg.norm(centre - density.origin, axis=1)
         blocks = np.flatnonzero((distance - radius < density.farthest) & (distance + radius > density.nearest))
@@ -243,6 +251,33 @@ def _balls(centre: np.ndarray, radius: np.ndarray, block: int) -> tuple[np.ndarr
     low = np.minimum.reduceat(centre - radius[:, None], starts).astype(float)
     high = np.maximum.reduceat(centre + radius[:, None], starts).astype(float)
     return 0.5 * (low + high), 0.5 * np.linalg.norm(high - low, axis=1)
+
+
+def _most_of_groups(density: Density, groups: PatchGroups) -> np.ndarray:
+    """Return upper limits of m (G,) for the patches of groups, a little more than `_count` gives; 0 out of reach."""
+    def away(place: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        d = groups.centre - place
+        R = np.linalg.norm(d, axis=1)
+        return d, R, np.maximum(R - groups.radius, NEAREST)
+
+    d, R, distance = away(density.origin)
+    wide = (1 + SLACK) * (groups.spread + groups.radius / distance)
+    across = np.abs(np.sum(np.cross(d, density.axis) * groups.normal, 1)) / np.maximum(R, NEAREST)
+    seen = 1.0 if density.around else np.clip(across + wide, EDGE_ON, 1)
+    per_area = (1 + SLACK) * density.per_cell * groups.area / distance
+    m = per_area * seen / (density.range_cell * density.sine_cell)
+    most, by_sine = np.zeros_like(m) if density.lobes else m, 1 / (distance * density.sine_cell)
+    for lobe in density.lobes:
+        from_line, middle, nearest = away(density.origin + lobe.place)
+        off = np.abs(from_line @ lobe.axis / np.maximum(middle, NEAREST) - lobe.sine)
+        off = np.maximum(off - (1 + SLACK) * groups.radius / nearest, 0) / lobe.cell
+        finer = per_area * lobe.finer * np.maximum(by_sine, 1 / density.range_cell) / lobe.cell
+        begin, end = LOBE
+        inside = np.clip((end - off) / (end - begin), 0, 1)
+        beside = np.maximum(BESIDE[0] / np.maximum(off, BESIDE[0]), BESIDE[1])
+        most = np.maximum(most, np.maximum(inside * np.maximum(m, finer), beside * m))
+    reached = (R - groups.radius < density.farthest) & (R + groups.radius > density.nearest)
+    return np.where(reached, most, 0.0)
 
 
 def _covered(density: Density, normal: mi.Vector3f, sight: mi.Vector3f) -> mi.Float:

@@ -20,7 +20,7 @@ import numpy as np
 from scipy import ndimage
 
 from .quality import GAUSSIAN_WIDTH, echoes_side_by_side, gravity_deviation, pulse_deviation
-from .windows import Windows, among_neighbours, windows_about
+from .windows import Windows, among_neighbours, over_spans, windows_about
 
 NEIGHBOURS = (4, 8)               # least number of beams to either side for slopes
 SPANS = (0.03, 0.1)               # least angle to either side [rad]
@@ -92,32 +92,34 @@ def by_amplitude(intensity: np.ndarray, windows: Windows, time: np.ndarray, cent
     # intensity (W,) [µPa²]; time (T,) [s]; centre (B,) [s]; footprint (B,) [s]; pulse_length [s]; noise [µPa²]
     step = time[1] - time[0]
     half = REACH * GAUSSIAN_WIDTH * footprint + PULSES * pulse_length
-    instants = time[windows.sample]
-    found, clear = centre, intensity - noise
+    middle = 0.5 * (time[windows.begin] + time[windows.end - 1])
+    late = np.append(time[windows.sample] - middle[windows.beam], 0.0)
+    clear = np.append(intensity - noise, 0.0)
+    first, strong = clear * late, np.maximum(clear, 0)
+    found = centre - middle
     for _ in range(PASSES):
-        away = instants - found[windows.beam]
-        weight = np.where(np.abs(away) <= half[windows.beam], clear, 0.0)
-        total = windows.summed(weight)
+        spans = windows.spans(time, middle + found, half)
+        total = over_spans(np.add, clear, spans)
         with np.errstate(invalid="ignore", divide="ignore"):
-            moved = windows.summed(weight * away) / total
+            moved = over_spans(np.add, first, spans) / total - found
         found = found + np.where(total > 0, np.clip(moved, -half / 2, half / 2), 0.0)
-    inside = np.abs(instants - found[windows.beam]) <= half[windows.beam]
-    away = np.where(inside, instants - found[windows.beam], 0.0)
-    weight = np.where(inside, clear, 0.0)
-    total = np.maximum(windows.summed(weight), 1e-150)
-    spread = windows.summed(weight * away ** 2) / total
+    spans = windows.spans(time, middle + found, half)
+    late -= np.append(found[windows.beam], 0.0)
+    square = late ** 2
+    total = np.maximum(over_spans(np.add, clear, spans), 1e-150)
+    spread = over_spans(np.add, clear * square, spans) / total
     own = np.sqrt(np.maximum(spread - pulse_deviation(pulse_length) ** 2, 0))
     samples = max(pulse_length / step, 1.0)
     with np.errstate(over="ignore"):   # a beam without energy has an infinite deviation
-        noisy = samples * windows.summed((away / total[windows.beam]) ** 2 * noise
-                                         * (2 * np.maximum(weight, 0) + noise))
+        noisy = samples * noise / total ** 2 * (2 * over_spans(np.add, strong * square, spans)
+                                                + noise * over_spans(np.add, square, spans))
     usual = among_neighbours(total, total > 1e-150, 4)
     duration = np.sqrt((own ** 2 + footprint ** 2) / 2)
     speckle = gravity_deviation(duration, pulse_length)
     faded = np.where(total > 1e-150, usual / total, 1.0)
     speckle = speckle * faded ** (0.5 / echoes_side_by_side(duration, pulse_length))
-    peak = np.maximum.reduceat(np.where(inside, intensity, 0.0), windows.start)
-    return AmplitudeDetections(time=found, deviation=np.hypot(speckle, np.sqrt(noisy)), energy=total * step,
+    peak = over_spans(np.maximum, np.append(intensity, 0.0), spans)
+    return AmplitudeDetections(time=middle + found, deviation=np.hypot(speckle, np.sqrt(noisy)), energy=total * step,
                                peak=peak / max(noise, 1e-300))
 
 

@@ -174,7 +174,7 @@ class _PhaseFit:
 
 @dataclass(frozen=True, kw_only=True)
 class _TurnedPhase:
-    """Samples (W,) turned back by a line of the expected slope, and that line's best offset (B,) [rad]."""
+    """Samples (W,) turned back by a line of the expected slope, and the best offset (B,) [rad] of the rest."""
 
     x: np.ndarray
     inside: np.ndarray
@@ -188,20 +188,21 @@ def _turned(samples: _PhaseSamples, found: np.ndarray, incidence: np.ndarray, si
     beam = samples.windows.beam
     x = _offsets(samples.instants, found, incidence, sines, beam)
     inside = np.abs(x) <= reach[beam]
-    x = np.where(inside, x, 0.0)
-    phase = turn[beam] * x
+    x *= inside
+    phase = (turn[beam] * x).astype(np.float32)          # of a few radians, right to 1e-6
     turned = np.empty_like(samples.product)
-    turned.real, turned.imag = np.cos(phase), -np.sin(phase)
-    product = np.where(inside, samples.product, 0.0) * turned
-    offset = np.angle(samples.windows.summed(product))
-    return _TurnedPhase(x=x, inside=inside, product=product * np.exp(-1j * offset)[beam], offset=offset)
+    np.multiply(np.cos(phase), inside, out=turned.real)
+    np.multiply(-np.sin(phase), inside, out=turned.imag)
+    turned *= samples.product
+    return _TurnedPhase(x=x, inside=inside, product=turned, offset=np.angle(samples.windows.summed(turned)))
 
 
 def _fitted(samples: _PhaseSamples, turned: _TurnedPhase, turn: np.ndarray, block: int) -> _PhaseFit:
     """Fit the line's offset and slope, by one step from the line of slope ``turn``."""
-    windows, beam, x, product = samples.windows, samples.windows.beam, turned.x, turned.product
-    size, across = np.abs(product), np.imag(product)
-    weight = np.maximum(np.real(product), 0.3 * size)
+    windows, beam, x = samples.windows, samples.windows.beam, turned.x
+    product = turned.product * np.exp(-1j * turned.offset)[beam]
+    along, across = product.real.copy(), product.imag.copy()
+    weight = np.maximum(along, 0.3 * np.abs(product))
     first = weight * x
     m0, m1, m2 = windows.summed(weight), windows.summed(first), windows.summed(first * x)
     e0, e1 = windows.summed(across), windows.summed(across * x)
@@ -210,8 +211,8 @@ def _fitted(samples: _PhaseSamples, turned: _TurnedPhase, turn: np.ndarray, bloc
         slope = (m0 * e1 - m1 * e0) / determinant
         offset = (e0 - slope * m1) / m0
         crossing = -(turned.offset + offset) / (turn + slope)
-        phase = offset[beam] + slope[beam] * x
-        rest = across * np.cos(phase) - np.real(product) * np.sin(phase)
+        phase = (offset[beam] + slope[beam] * x).astype(np.float32)
+        rest = across * np.cos(phase) - along * np.sin(phase)
         g0, g1 = (m2 - m1 * crossing) / determinant, (m0 * crossing - m1) / determinant
         pull = np.nan_to_num(rest * (g0[beam] + g1[beam] * x))
         length = np.full(len(turn), 2 * (block // 2) + 1)
@@ -223,10 +224,12 @@ def _fitted(samples: _PhaseSamples, turned: _TurnedPhase, turn: np.ndarray, bloc
 def _offsets(instants: np.ndarray, found: np.ndarray, incidence: np.ndarray, sines: np.ndarray,
              beam: np.ndarray) -> np.ndarray:
     """Return x(t) (W,)."""
-    leaning = np.arcsin(sines) - incidence
+    leaning, sign = np.arcsin(sines) - incidence, np.sign(incidence)
     nearest = (found * np.cos(incidence))[beam] / np.maximum(instants, 1e-12)
-    away = np.sign(incidence)[beam] * np.arccos(np.clip(nearest, -1.0, 1.0))
-    return np.sin(away + leaning[beam]) - sines[beam]
+    np.clip(nearest, -1.0, 1.0, out=nearest)
+    # sin(± acos(nearest) + leaning)
+    aside = np.sqrt(1 - nearest ** 2)
+    return aside * (sign * np.cos(leaning))[beam] + nearest * np.sin(leaning)[beam] - sines[beam]
 
 
 def _time_of(crossing: np.ndarray, found: np.ndarray, incidence: np.ndarray, sines: np.ndarray) -> np.ndarray:

@@ -29,6 +29,14 @@ class Windows:
         """Sum values (W,) over each window: (B,)."""
         return np.add.reduceat(values, self.start)
 
+    def spans(self, time: np.ndarray, centre: np.ndarray, half: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return where among the W the samples |t - centre| <= half of each window begin and end (B,)."""
+        # time (T,) [s]; centre, half (B,) [s]
+        rate = 1 / (time[1] - time[0])
+        first = np.clip(np.ceil((centre - half - time[0]) * rate), self.begin, self.end).astype(np.int64)
+        last = np.clip(np.floor((centre + half - time[0]) * rate) + 1, first, self.end).astype(np.int64)
+        return first - self.begin + self.start, last - self.begin + self.start
+
     def place_of_greatest(self, values: np.ndarray) -> np.ndarray:
         """Return the sample number (B,) of the first maximum of values (W,) in each window."""
         found = np.flatnonzero(values >= np.maximum.reduceat(values, self.start)[self.beam])
@@ -47,6 +55,12 @@ class Windows:
             sums[start:before] -= total[start]
             sums[before:end] -= total[start:max(end - half, start)]
         return sums
+
+
+def over_spans(reduction: np.ufunc, values: np.ndarray, spans: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+    """Return a reduction of values (W + 1,), whose last is no sample, over spans (B,) in order; 0 over empty ones."""
+    first, last = spans
+    return np.where(last > first, reduction.reduceat(values, np.stack([first, last], 1).ravel())[::2], 0.0)
 
 
 def among_neighbours(values: np.ndarray, good: np.ndarray, aside: int = 2) -> np.ndarray:

@@ -4,22 +4,27 @@ Complex arrays are real and imaginary parts by turns. Sizes are opaque: a new on
 
     by_frequency        Z[f, r] = P_r(f) G[r, f] + noise of rows
     through_the_line    Z[f, ν] = Ŵ_f(ν) Z[f, ν] + noise of waves
-    by_beam             B[b, f] = Σ_k k_u(...) Z[f, r_b + k]                                         4 taps of a beam
+    by_record           Z[r, f] of rows near beams; if beams are fewer, B[b, f] = Σ_k k_u(...) Z[f, r_b + k]
+    by_beam             B[b, t] = Σ_k k_u(...) Z[r_b + k, t]                                         4 taps of a beam
 """
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import drjit as dr
 import numpy as np
 
-from mitsonar.device.arrays import arrays_of, upload
+from mitsonar.device.arrays import arrays_of, looped, upload
 from mitsonar.device.types import ArrayTypes, Float, UInt32
 
 from .noise import gaussians
 from .pulse_response import RowTransfers
-from .transforms import divided, tiles
+from .transforms import TILE, divided, tiles
+
+FEWER = 0.8                        # rows for a beam, below which records of rows are transformed, not those of beams
+TOGETHER = 32                      # rows or pairs of samples that a lane follows
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -58,29 +63,51 @@ class Waves:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Reading:
-    """Rows and taps from which beams are read."""
+    """Rows and taps from which beams are read, from spectra or from records, whichever takes fewer transforms."""
 
-    rows: UInt32  # (B, 4)
+    first: int  # number of the first row that is read
+    count: int  # number of rows from there to the last
+    rows: UInt32  # (B, 4), counted from the first
     taps: Float  # (B, 4)
-    turns: list[Float | None]  # (B,): what beams of each aperture are turned by
+    turns: list[Float | None]  # (B,), complex: what beams of each aperture are multiplied by
 
     @property
     def beams(self) -> int:
         """Return the number B of beams."""
         return dr.width(self.taps) // 4
 
+    @property
+    def of_spectra(self) -> bool:
+        """Return True if beams are read from spectra of the rows, not from their records."""
+        return self.count > FEWER * self.beams
+
+    @property
+    def records(self) -> int:
+        """Return the number of records of an aperture: beams, or rows that beams are read from."""
+        return self.beams if self.of_spectra else self.count
+
 
 def by_frequency(spectra: Float, sizes: Sizes, transfers: RowTransfers, noise: Noise | None) -> Float:
     """Multiply spectra (rows, length) by the rows' transfer functions: (F, period); other rows are 0."""
     lib, U = arrays_of(spectra), arrays_of(spectra).UInt32
-    count, period = sizes.frequencies, dr.opaque(U, sizes.period)
-    number, row = tiles(lib, count, sizes.rows)
-    place = row * dr.opaque(U, sizes.length) + dr.gather(U, sizes.used, number)
-    z = _complex(lib, spectra, place) * _transfer(lib, transfers, number, row)
-    if noise is not None:
-        z += _row_noise(lib, noise, sizes, number, row)
-    into = dr.zeros(lib.Float, 2 * count * sizes.period)
-    dr.scatter(into, lib.Array2f(z.real, z.imag), number * period + row)
+    rows, period, length, more = (dr.opaque(U, size) for size in (sizes.rows, sizes.period, sizes.length, 1))
+    number, part = tiles(lib, sizes.frequencies, -(-sizes.rows // TOGETHER))
+    column, first = dr.gather(U, sizes.used, number), part * TOGETHER
+    last, into = dr.minimum(first + TOGETHER, rows), dr.zeros(lib.Float, 2 * sizes.frequencies * sizes.period)
+    transfer = _transfer(lib, transfers, number)
+    drawn = None if noise is None else _RowNoise(lib, noise, sizes, number)
+
+    def turn(row: UInt32, *around: Float) -> tuple:
+        z = _complex(lib, spectra, row * length + column) * transfer(row)
+        if drawn is not None:
+            around += drawn.of(row + more)
+            z += drawn.summed(around)
+        dr.scatter(into, lib.Array2f(z.real, z.imag), number * period + row)
+        return row + more, *around[3:]
+
+    # a lane follows its rows one by one: each row's noise is drawn once for itself and both neighbours
+    looped((first, *(() if drawn is None else (*drawn.of(U(lib.Int32(first) - 1)), *drawn.of(first)))),
+           lambda row, *_: row < last, turn, "rows")
     return into
 
 
@@ -101,41 +128,94 @@ def through_the_line(spectra: Float, sizes: Sizes, period: int, waves: Waves, no
     return into
 
 
-def by_beam(spectra: Float, sizes: Sizes, period: int, reading: Reading, turn: Float | None, into: Float,
-            aperture: int) -> None:
-    """Read the beams of an aperture from spectra (F, period), and turn them; put them `into` (A, B, length)."""
+def by_record(spectra: Float, sizes: Sizes, period: int, reading: Reading, into: Float, aperture: int) -> None:
+    """Put the beams of an aperture, or the rows that they are read from, of spectra (F, period) `into` (A, R, length).
+    """
     lib, U = arrays_of(spectra), arrays_of(spectra).UInt32
-    number, beam = tiles(lib, sizes.frequencies, reading.beams)
-    begin, total = number * dr.opaque(U, period), lib.Array2f(0)
-    for row, tap in zip(dr.gather(lib.Array4u, reading.rows, beam), dr.gather(lib.Array4f, reading.taps, beam)):
-        total = dr.fma(dr.gather(lib.Array2f, spectra, begin + row), tap, total)
-    if turn is not None:
-        turned = lib.Complex2f(total[0], total[1]) * _complex(lib, turn, beam)
-        total = lib.Array2f(turned.real, turned.imag)
-    row = beam + dr.opaque(U, aperture * reading.beams)
-    dr.scatter(into, total, row * dr.opaque(U, sizes.length) + dr.gather(U, sizes.used, number))
+    number, record = tiles(lib, sizes.frequencies, reading.records)
+    begin = number * dr.opaque(U, period) + dr.opaque(U, reading.first)
+    if reading.of_spectra:
+        value = lib.Array2f(0)
+        for row, tap in zip(dr.gather(lib.Array4u, reading.rows, record), dr.gather(lib.Array4f, reading.taps, record)):
+            value = dr.fma(dr.gather(lib.Array2f, spectra, begin + row), tap, value)
+        if (turn := reading.turns[aperture]) is not None:
+            turned = lib.Complex2f(value[0], value[1]) * _complex(lib, turn, record)
+            value = lib.Array2f(turned.real, turned.imag)
+    else:
+        value = dr.gather(lib.Array2f, spectra, begin + record)
+    record = record + dr.opaque(U, aperture * reading.records)
+    dr.scatter(into, value, record * dr.opaque(U, sizes.length) + dr.gather(U, sizes.used, number))
     dr.eval(into)
 
 
-def _transfer(lib: ArrayTypes, transfers: RowTransfers, number: UInt32, row: UInt32) -> Any:
-    """Return P of a row's factor at the frequencies of these numbers."""
+def by_beam(records: Float, sizes: Sizes, reading: Reading, begin: int, samples: int) -> Float:
+    """Read beams from the records (A, R, length) of rows, and turn them: (A, B, samples), from sample `begin` on.
+
+    Both numbers are even: a lane reads two samples at once, and follows its beam in steps of a tile.
+    """
+    lib, U = arrays_of(records), arrays_of(records).UInt32
+    beams, step, pairs = dr.empty(lib.Float, 2 * len(reading.turns) * reading.beams * samples), TILE, samples // 2
+    parts = -(-pairs // (step * TOGETHER))
+    end, more, pitch = (dr.opaque(U, size) for size in (pairs, step, sizes.length // 2))
+    beam, part = divided(lib, dr.arange(U, reading.beams * parts * step), parts * step)
+    first = part // step * (step * TOGETHER) + (part & (step - 1))
+    taps, last = dr.gather(lib.Array4f, reading.taps, beam), dr.minimum(first + step * TOGETHER, end)
+    for aperture, turn in enumerate(reading.turns):
+        rows = [(row + dr.opaque(U, aperture * reading.count)) * pitch + dr.opaque(U, begin // 2)
+                for row in dr.gather(lib.Array4u, reading.rows, beam)]
+        real, imaginary = (lib.Float(1), lib.Float(0)) if turn is None else dr.gather(lib.Array2f, turn, beam)
+        into = (beam + dr.opaque(U, aperture * reading.beams)) * end
+
+        def read(pair: UInt32, rows=rows, real=real, imaginary=imaginary, into=into) -> tuple[UInt32]:
+            total = lib.Array4f(0)
+            for row, tap in zip(rows, taps):
+                total = dr.fma(dr.gather(lib.Array4f, records, row + pair), tap, total)
+            a, b, c, d = total
+            dr.scatter(beams, lib.Array4f(dr.fma(a, real, -b * imaginary), dr.fma(a, imaginary, b * real),
+                                          dr.fma(c, real, -d * imaginary), dr.fma(c, imaginary, d * real)), into + pair)
+            return pair + more,
+
+        looped((first,), lambda pair: pair < last, read, "samples")
+        dr.eval(beams)
+    return beams
+
+
+def _transfer(lib: ArrayTypes, transfers: RowTransfers, number: UInt32) -> Callable[[UInt32], Any]:
+    """Return a function that gives P of a row's factor at the frequencies of these numbers."""
     U, F = lib.UInt32, lib.Float
-    mix = dr.gather(lib.Array4f, upload(F, transfers.mix.view(np.float32)), row)
-    begin = dr.gather(U, upload(U, transfers.node), row) * dr.opaque(U, transfers.pairs.shape[1])
-    pair = dr.gather(lib.Array4f, upload(F, transfers.pairs.view(np.float32)), begin + number)
-    return (lib.Complex2f(mix[0], mix[1]) * lib.Complex2f(pair[0], pair[1])
-            + lib.Complex2f(mix[2], mix[3]) * lib.Complex2f(pair[2], pair[3]))
+    mixes, nodes = upload(F, transfers.mix.view(np.float32)), upload(U, transfers.node)
+    pairs, pitch = upload(F, transfers.pairs.view(np.float32)), dr.opaque(U, transfers.pairs.shape[1])
+
+    def of(row: UInt32) -> Any:
+        mix = dr.gather(lib.Array4f, mixes, row)
+        pair = dr.gather(lib.Array4f, pairs, dr.gather(U, nodes, row) * pitch + number)
+        return (lib.Complex2f(mix[0], mix[1]) * lib.Complex2f(pair[0], pair[1])
+                + lib.Complex2f(mix[2], mix[3]) * lib.Complex2f(pair[2], pair[3]))
+
+    return of
 
 
-def _row_noise(lib: ArrayTypes, noise: Noise, sizes: Sizes, number: UInt32, row: UInt32) -> Any:
-    """Return the noise of a row and its two neighbours, through the bell and the replica."""
-    U = lib.UInt32
-    key, rows, total = dr.opaque(U, noise.key), dr.opaque(U, sizes.rows), lib.Complex2f(0)
-    for away in (-1, 0, 1):
-        other = U(lib.Int32(row) + away)             # before the first row a large number
-        size = dr.gather(lib.Float, noise.row, other, other < rows) * dr.opaque(lib.Float, noise.taps[abs(away)])
-        total += lib.Complex2f(*gaussians(lib, number * rows + other, key)) * size
-    return total * dr.gather(lib.Float, noise.frequency, number)
+class _RowNoise:
+    """Noise of rows at the frequencies of these numbers, through the bell and the replica."""
+
+    def __init__(self, lib: ArrayTypes, noise: Noise, sizes: Sizes, number: UInt32):
+        self._lib, self._row, self._number = lib, noise.row, number
+        self._key, self._rows = dr.opaque(lib.UInt32, noise.key), dr.opaque(lib.UInt32, sizes.rows)
+        self._taps = [dr.opaque(lib.Float, tap) for tap in noise.taps]
+        self._replica = dr.gather(lib.Float, noise.frequency, number)
+
+    def of(self, row: UInt32) -> tuple[Float, Float, Float]:
+        """Return a row's Gaussians, and their size; 0 off the grid, where numbers before the first row are large."""
+        size = dr.gather(self._lib.Float, self._row, row, row < self._rows)
+        return *gaussians(self._lib, self._number * self._rows + row, self._key), size
+
+    def summed(self, around: Sequence[Float]) -> Any:
+        """Return the noise of a row from what `of` gives for the row before, itself and the next."""
+        total = self._lib.Complex2f(0)
+        for place, away in enumerate((1, 0, 1)):
+            real, imaginary, size = around[3 * place:3 * place + 3]
+            total += self._lib.Complex2f(real, imaginary) * (size * self._taps[away])
+        return total * self._replica
 
 
 def _complex(lib: ArrayTypes, values: Float, place: UInt32) -> Any:

@@ -13,7 +13,9 @@ A single element at the origin has W = 1: its beams are all alike, the sum of th
 Doppler factor are added before F_t, and the noise is drawn once for each frequency.
 
 Rows are steps of sine fine enough for the line; beams at any sines are read from them by the bell that spread the
-echoes. The transforms take rows modulo a period, so long that no echo comes round into a beam.
+echoes. This is the same for all frequencies, so that it may come before F_f⁻¹ or after it: where there are fewer rows
+than beams, their records are transformed and beams are read from records. The transforms over rows take them modulo a
+period, so long that no echo comes round into a beam.
 """
 from __future__ import annotations
 
@@ -31,7 +33,7 @@ from mitsonar.sonar.pulses.pulse import Pulse, Window
 
 from ..impulses import BandLimited, Bell
 from .grids import MARGIN, BeamGrid, GridShape
-from .kernels import Noise, Reading, Sizes, Waves, by_beam, by_frequency, through_the_line
+from .kernels import Noise, Reading, Sizes, Waves, by_beam, by_frequency, by_record, through_the_line
 from .line_response import FADE, FINER, OVERSAMPLING, ResponseRows, response_of, stride_of
 from .noise import NoiseDensity, gaussians
 from .pulse_response import PulseResponse
@@ -47,12 +49,13 @@ MOST_PLACES = 1 << 32              # of the line's pattern, times elements: half
 
 class LineBeams:
     """Beamformer of a line, made once for a survey."""
-    # position (E,) [m]; weight (E,) [-]; sampling_rate [Hz]; sound_speed [m/s]; sines (B,) [-]; start [s]
+    # position (E,) [m]; weight (E,) or (A, E) [-]; sampling_rate [Hz]; sound_speed [m/s]; sines (B,) [-]; start [s];
+    # scale (A,), what beams of each aperture are multiplied by
 
     def __init__(self, like: DrJitArray | type, *, position: np.ndarray, weight: np.ndarray, pulse: Pulse,
                  sampling_rate: float, samples: int, lead: int, sound_speed: float, sines: np.ndarray,
                  start: float = 0.0, absorption_db: Callable[[np.ndarray], np.ndarray] | None = None,
-                 window: Window | None = None):
+                 window: Window | None = None, scale: np.ndarray | None = None):
         self.lib = arrays_of(like)
         position, weight, self.sines = np.asarray(position, float), np.asarray(weight), np.asarray(sines, float)
         _check(position, weight, self.sines, samples, lead)
@@ -61,6 +64,7 @@ class LineBeams:
         self.length = self.pulse.length
         wavenumber = (pulse.frequency + self.pulse.offset) / sound_speed
         weights = np.atleast_2d(weight)
+        self._scale = np.ones(len(weights)) if scale is None else np.asarray(scale, float)
         self._stride = stride_of(position, weights)
         self._alone, self._weight = weights.size == 1 and not position.any(), weights.sum() / np.abs(weights).sum()
         self._within = float(self.sines.min()), float(self.sines.max())
@@ -105,7 +109,7 @@ class LineBeams:
         kept = slice(MARGIN + self.lead, MARGIN + self.samples)
         if self._alone:
             beam = self._of_element(grid.taken(), row_factors, waves[0], salted(key, Salt.BEAM_NOISE))[kept]
-            return np.broadcast_to(beam, (1, read.beams, len(beam)))
+            return np.broadcast_to(beam * np.float32(self._scale[0]), (1, read.beams, len(beam)))
         on_rows = None
         if rows is not None:
             bell = tuple(self.line.bell.impulse([0, 1]).tolist())
@@ -113,14 +117,18 @@ class LineBeams:
         sizes, spectra = self._sizes, transformed(grid.taken(), self.length)
         spectra = by_frequency(spectra, sizes, self.pulse.transfers(row_factors), on_rows)
         spectra = transformed(spectra, sizes.period)
-        beams = dr.zeros(self.lib.Float, 2 * len(self.lines) * read.beams * self.length)
-        for number, (table, own, turn) in enumerate(zip(self._tables, waves, read.turns)):
+        records = dr.zeros(self.lib.Float, 2 * len(self.lines) * read.records * self.length)
+        for number, (table, own) in enumerate(zip(self._tables, waves)):
             period = self.lines[number].rows.period
             through = through_the_line(spectra, sizes, period, table, own, salted(key, Salt.BEAM_NOISE) + number)
-            by_beam(transformed(through, period, inverse=True), sizes, period, read, turn, beams, number)
-        whole = transformed(beams, self.length, inverse=True).numpy().view(np.complex64)
-        whole = whole.reshape(len(self.lines), -1, self.length)
-        return whole[:, :, kept]
+            by_record(transformed(through, period, inverse=True), sizes, period, read, records, number)
+        records, begin, length = transformed(records, self.length, inverse=True), 0, self.length
+        if not read.of_spectra:
+            begin = kept.start & ~1
+            length = kept.stop + 1 - begin & ~1
+            records = by_beam(records, sizes, read, begin, length)
+        beams = records.numpy().view(np.complex64).reshape(len(self.lines), read.beams, length)
+        return beams[:, :, kept.start - begin:kept.stop - begin]
 
     def _of_element(self, sums: Float, factors: np.ndarray, noise: Float | None, key: int) -> np.ndarray:
         """Return the record (length,) of a single element from a grid's sums; `noise` (F,) is the root of its power."""
@@ -157,12 +165,14 @@ class LineBeams:
             raise ValueError(f"beams of a line made for sines from {low:.4g} to {high:.4g} are asked for from "
                              f"{np.min(sines):.4g} to {np.max(sines):.4g}; make it for those.")
         place = (np.asarray(sines, float) - self.shape.first) / self.shape.step
-        turns = [np.exp(2j * np.pi * line.middle / self.period * place) if line.middle else None for line in self.lines]
+        turns = [np.exp(2j * np.pi * line.middle / self.period * place) * scale if line.middle or scale != 1 else None
+                 for line, scale in zip(self.lines, self._scale)]
         place = place / self._stride
         rows = np.floor(place).astype(np.int64)[:, None] + np.arange(-1, 3)
         taps = self.line.bell.impulse(place[:, None] - rows)
-        return Reading(rows=upload(lib.UInt32, rows.astype(np.uint32)),
-                       taps=upload(lib.Float, taps.astype(np.float32)),
+        first = int(rows.min())
+        return Reading(first=first, count=int(rows.max()) + 1 - first, rows=upload(lib.UInt32, rows - first),
+                       taps=upload(lib.Float, taps),
                        turns=[None if one is None else upload(lib.Float, one.astype(np.complex64).view(np.float32))
                               for one in turns])
 

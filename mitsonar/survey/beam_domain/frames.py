@@ -37,12 +37,13 @@ class LaidPing:
     targets: list[TargetEchoes]
 
 
-def line_beams(survey: ArraySurvey, place: np.ndarray, weight: np.ndarray, sines: np.ndarray) -> LineBeams:
+def line_beams(survey: ArraySurvey, place: np.ndarray, weight: np.ndarray, sines: np.ndarray,
+               scale: np.ndarray | None = None) -> LineBeams:
     """Return the beamformer of a survey's line; arguments as of `LineBeams`."""
     return LineBeams(
         mi.Float, position=place, weight=weight, sines=sines, pulse=survey.pulse, samples=survey.samples,
         sampling_rate=survey.sampling_rate, lead=survey.lead, start=survey.start, sound_speed=survey.planned_speed,
-        absorption_db=survey.waters.only.mean_absorption_db)
+        absorption_db=survey.waters.only.mean_absorption_db, scale=scale)
 
 
 def lay(echoes: PingEchoes, grid: BeamGrid, ping: int, seed: int) -> LaidPing:
@@ -64,17 +65,21 @@ def add(grid: BeamGrid, echoes: GridEchoes) -> None:
 
 
 class LineFrames:
-    """Beams of a survey's line, ping by ping; weight and sines as of `LineBeams`."""
+    """Beams of a survey's line, ping by ping; weight, sines and scale as of `LineBeams`."""
 
-    def __init__(self, survey: ArraySurvey, echoes: PingEchoes, weight: np.ndarray, sines: np.ndarray):
+    def __init__(self, survey: ArraySurvey, echoes: PingEchoes, weight: np.ndarray, sines: np.ndarray,
+                 scale: np.ndarray | None = None):
         self.survey, self.echoes, self.line = survey, echoes, echoes.line
-        self._beams, self._ends = line_beams(survey, echoes.line.place, weight, sines), (sines.min(), sines.max())
-        self._weight = weight
+        self._weight, self._scale, self._ends = weight, scale, (sines.min(), sines.max())
+        self._beams = line_beams(survey, echoes.line.place, weight, sines, scale)
         rows = (tuple(part.tolist()) for part in (self.line.row_place / survey.wavelength, self.line.row_weight))
         self._noise = NoiseDensity.of(survey.noise, survey.source_level_db, *rows)
 
     def formed(self, ping: int, seed: int, sines: np.ndarray | None = None) -> tuple[np.ndarray, LaidPing]:
-        """Form the beams (apertures, B, samples) of a ping for a source level of 0 dB, at other sines (B,) if given."""
+        """Form the beams (apertures, B, samples) of a ping at other sines (B,) if given.
+
+        Without a scale they are those of a source level of 0 dB.
+        """
         line = self._beams if sines is None else self._beams_of(sines)
         grid = line.grid()
         laid = lay(self.echoes, grid, ping, seed)
@@ -89,7 +94,7 @@ class LineFrames:
     @cached_property
     def _wide(self) -> LineBeams:
         """Return the beamformer for all sines."""
-        return line_beams(self.survey, self.line.place, self._weight, np.array([-1.0, 1.0]))
+        return line_beams(self.survey, self.line.place, self._weight, np.array([-1.0, 1.0]), self._scale)
 
     def truth(self, ping: int, laid: LaidPing, truth: FrameTruth) -> EnergyRecord:
         """Return the truth of a ping, arrays (B, ..., bins)."""

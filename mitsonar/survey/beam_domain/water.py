@@ -40,11 +40,13 @@ class WaterPoints:
         start, row_key = (opaque_vector(self._lib.Array3f64, origin),
                           dr.opaque(mi.UInt32, salted(key, Salt.ARRAY_WATER)))
         bits, _ = pair(dr.arange(mi.UInt32, strata.rays), row_key)
-        index, distance = self._points.spread(start, direction, strata, uniform(self._lib, bits),
-                                              self._ground.under_bed(origin))
+        chance = uniform(self._lib, bits)
+        dr.eval(chance)
+        # with the directions, which it has most of its sums in common with
+        dr.schedule(solid_angle)
+        index, distance = self._points.spread(start, direction, strata, chance, self._ground.under_bed(origin))
         if not dr.width(index):
             return None
-        dr.eval(solid_angle)
         r = dr.gather(mi.Float, distance, index)
         offset, table = _placed(self._lib, direction, distance, index), self._table_of(-float(origin[2]))
         depth, straight = dr.opaque(mi.Float, table.depth) - mi.Float(offset.z), table.legs(offset)

@@ -54,11 +54,12 @@ class SectorBeams(LineFrames):
         halves = np.stack([np.where(port, line.weight, 0.0), np.where(port, 0.0, line.weight)])
         # each half is calibrated
         received = flawed(halves, flaws)
+        # beams are relative to the sum of the magnitudes of their weights, and must be right on their axes
+        gain = np.abs(received).sum(1) / np.abs(halves).sum(1)
         super().__init__(survey, PingEchoes(survey, line, per_cell=survey.per_cell, beams_from_origin=False,
                                             beside=None if beside is None else beside.echoes),
-                         received, np.array([run.aim.planned.sines.min(), run.aim.planned.sines.max()]))
-        # beams are relative to the sum of the magnitudes of their weights, and must be right on their axes
-        self._gain = np.abs(received).sum(1) / np.abs(halves).sum(1)
+                         received, np.array([run.aim.planned.sines.min(), run.aim.planned.sines.max()]),
+                         amplitude_from_db(survey.source_level_db) * gain)
         #: distance of the phase centres of the halves [wavelengths]
         self.baseline = float(np.diff((halves @ line.place) / halves.sum(1))[0]) / survey.wavelength
         #: width at -3 dB of beams at right angles to the line [sine]
@@ -98,7 +99,6 @@ class SectorBeams(LineFrames):
     def _halves(self, ping: int, seed: int) -> tuple[Halves, LaidPing]:
         own = sonar_seed(seed, f"sector {self._number}") if self._number else seed
         beams, laid = self.formed(ping, own, self.run.sines[ping])
-        beams *= (amplitude_from_db(self.survey.source_level_db) * self._gain)[:, None, None].astype(np.float32)
         return Halves(port=beams[0], starboard=beams[1]), laid
 
     def _truth_of(self, ping: int) -> FrameTruth:

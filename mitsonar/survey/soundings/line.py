@@ -207,7 +207,7 @@ class SoundingLine(Generic[MeasurementT]):
             **finding.variables, **causes.variables(), "label": bed.label,
             "true_backscatter_db": db_from_power(np.maximum(bed.strength, 1e-30))}
         variables = {name: variable(name, np.asarray(value)[None]) for name, value in values.items()}
-        soundings = xr.Dataset({**self._line.data_vars, **variables}, coords={"ping": [ping]}, attrs=self._line.attrs)
+        soundings = xr.Dataset({**self._line.variables, **variables}, coords={"ping": [ping]}, attrs=self._line.attrs)
         return with_uncertainty(soundings, self._accuracies, finding.deviations)
 
     def _cast(self, ping: int, level: float) -> SoundSpeedProfile:
