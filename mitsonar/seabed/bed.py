@@ -33,6 +33,8 @@ class Bed:
 
     Attributes
     ----------
+    vertices : array (V, 3) [m]
+        Scene coordinates, as given.
     bounds : (float, float, float, float) [m]
         West, south, east and north.
     lowest : float [m]
@@ -45,10 +47,10 @@ class Bed:
     """
 
     def __init__(self, vertices: ArrayLike, faces: ArrayLike):
-        self._vertices = np.asarray(vertices)
+        self.vertices = np.asarray(vertices)
         faces = np.asarray(faces)
         # corner by corner, which is much faster than along an axis of three
-        (west, east), (south, north) = (_ends([self._vertices[:, axis][faces[:, corner]] for corner in range(3)])
+        (west, east), (south, north) = (_ends([self.vertices[:, axis][faces[:, corner]] for corner in range(3)])
                                         for axis in (0, 1))
         extent = np.maximum(east - west, north - south)
         flat = (extent > 0) & np.isfinite(extent)
@@ -56,7 +58,7 @@ class Bed:
             raise ValueError("the seabed has no triangle that can be seen from above; give a mesh with some width")
         self.bounds = (float(west[flat].min()), float(south[flat].min()),
                        float(east[flat].max()), float(north[flat].max()))
-        self.lowest = float(np.nanmin(self._vertices[:, 2]))
+        self.lowest = float(np.nanmin(self.vertices[:, 2]))
         size = np.where(flat, np.frexp(extent)[1], np.iinfo(np.int32).min)
         self._levels = [self._level(2.0**exponent, faces[of_size], west[of_size], south[of_size])
                         for exponent in np.unique(size[flat]) for of_size in (np.flatnonzero(size == exponent),)]
@@ -90,7 +92,7 @@ class Bed:
 
     def _height(self, faces: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Return the height of each triangle at its point; -inf beside the triangle."""
-        a, b, c = (self._vertices[faces[:, corner]].astype(float) for corner in range(3))
+        a, b, c = (self.vertices[faces[:, corner]].astype(float) for corner in range(3))
         (u_x, u_y, u_z), (v_x, v_y, v_z) = (b - a).T, (c - a).T
         d_x, d_y = x - a[:, 0], y - a[:, 1]
         area = u_x * v_y - u_y * v_x

@@ -17,6 +17,7 @@ one of 24 stones of about a metre, so that ``scale`` is its length in metres.
 import functools
 import os
 import warnings
+import weakref
 import zlib
 from dataclasses import replace
 
@@ -107,10 +108,7 @@ class Targets(mi.Mesh):
                                                        for kind, weight in zip(species, weights)]))
         identity = props.id() or "targets"
         stream = attributes.seed, zlib.crc32(identity.encode())   # two shapes of one seed are not alike
-        # others that are kept clear of have looked its triangles through already
-        bed = next((shape.bed for shape in shapes if isinstance(shape, Targets) and shape.bears is bed_shape),
-                   None) or _bed(attributes, bed_shape)
-        self.bears, self.bed = bed_shape, bed
+        self.bears, self.bed = bed_shape, (bed := _bed(attributes, bed_shape))
         taken = [circle for shape in shapes if shape is not bed_shape for circle in _circles(shape)]
         low, high = attributes.count
         count, faces = draw_count(low, high, stream), max(len(body.faces) for body in bodies)
@@ -249,12 +247,21 @@ _kept = functools.lru_cache(maxsize=MOST_KEPT)(_read)                  # by path
 
 
 def _bed(attributes, shape):
+    """Return the bed that a shape is; other targets on it have looked its triangles through already."""
     if "vertex_positions" not in mi.traverse(shape):
         raise attributes.error(f'the seabed "{shape.id()}" is no mesh; refer to a seabed, bathymetry, ply or obj.')
+    vertices, known = vertices_before(shape), _beds.get(id(shape))
+    if known is not None and np.array_equal(known.vertices, vertices):         # not moved between two scenes
+        return known
     try:
-        return Bed(vertices_before(shape), mesh_arrays(shape)[1])
+        made = _beds[id(shape)] = Bed(vertices, mesh_arrays(shape)[1])
     except ValueError as error:
         raise attributes.error(f"{error}.") from None
+    return made
+
+
+# by identity of the shape: targets hold it as long as they hold its bed, so that no other shape has that identity
+_beds: weakref.WeakValueDictionary[int, Bed] = weakref.WeakValueDictionary()
 
 
 def _circles(shape):
