@@ -134,8 +134,8 @@ class Ensonification:
         """
         sources, start = self._source(origin)
         if self.method == "scatterers":
-            within_reach = [(path, self._in_beams(sources, start, rotation, pieces))
-                            for path, pieces in self.pieces(origin)]
+            within_reach = [(path, part) for path, pieces in self.pieces(origin)
+                            for part in self._in_beams(sources, start, rotation, pieces)]
             total, done = max(sum(int(pieces.cells.sum()) for _, (_, pieces, _) in within_reach), 1), 0
             for path, (aim, pieces, bound) in within_reach:
                 for facet, k in self._cells(pieces, bound):
@@ -196,21 +196,26 @@ class Ensonification:
                 self.lib.Array3f64(*(dr.opaque(self.lib.Float64, float(v)) for v in origin)))
 
     def _in_beams(self, sources: Sources, origin: dr.ArrayBase, rotation: np.ndarray,
-                  pieces: Pieces) -> tuple[bool, Pieces, np.ndarray]:
+                  pieces: Pieces) -> list[tuple[bool, Pieces, np.ndarray]]:
         """Return whether cells have to be tested against the beams one by one; the pieces that may count; their bounds.
 
-        If few cells would fail, all are taken: that is less work than to test them.
+        If few cells would fail, all are taken: that is less work than to test them. With side lobes, the pieces of the
+        main lobe, of which all cells count, are a part of their own if there are no more blocks of cells for it.
         """
         if self.beams is None:
-            return False, pieces, np.ones(len(pieces.facet))
+            return [(False, pieces, np.ones(len(pieces.facet)))]
         enough = max(NEGLIGIBLE, self.side_lobes.below) if self.side_lobes else NEGLIGIBLE
         verdict, bound = pieces_in_beams(pieces, self.connector, self.beams, sources, origin, rotation, enough)
         kept = verdict >= 0
         pieces, bound, doubtful = pieces.chosen(kept), bound[kept], verdict[kept] == 0
         if self.side_lobes:
-            return bool(doubtful.any()), pieces, bound
+            listed = pieces.runs(self.side_lobes.largest_share(bound))[-1]
+            certain, rest = (-(-int(listed[those].sum()) // CELLS_PER_BLOCK) for those in (~doubtful, doubtful))
+            if certain and rest and certain + rest <= -(-int(listed.sum()) // CELLS_PER_BLOCK):
+                return [(asked, pieces.chosen(doubtful == asked), bound[doubtful == asked]) for asked in (False, True)]
+            return [(bool(doubtful.any()), pieces, bound)]
         cells = pieces.cells
-        return bool(cells[doubtful].sum() > WORTH_ASKING * cells.sum()), pieces, bound
+        return [(bool(cells[doubtful].sum() > WORTH_ASKING * cells.sum()), pieces, bound)]
 
     def _cells(self, pieces, bound):
         """Yield the cells of pieces, block by block; in side lobes only cells that may exist."""

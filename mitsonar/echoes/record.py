@@ -52,7 +52,7 @@ class EchoLeg:
 
     @cached_property
     def soonest(self) -> float:
-        """Shortest travel time [s]."""
+        """Return the shortest travel time [s]."""
         return float(cast(Float64, dr.min(self.travel_time))[0])
 
     def chosen(self, index: UInt32) -> EchoLeg:

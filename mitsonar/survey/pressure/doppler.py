@@ -17,6 +17,7 @@ from mitsonar.device.types import Float64
 from mitsonar.echoes.record import Echoes
 from mitsonar.propagation.returns.return_paths import ReturnPaths
 from mitsonar.propagation.returns.straight_vectors import dot
+from mitsonar.signal.doppler import two_way_shift
 
 from .pairs import seen_from
 from .ping_source import PingSource, opaque
@@ -59,7 +60,8 @@ def time_scale(source: PingSource, echoes: Echoes, back: ReturnPaths, *, sender:
                 across = dr.maximum(dot(velocity, velocity) - dr.square(closing[-1]), 0)
                 bends.append(across / (dr.maximum(distance, SHORTEST_WAY) * speed) * F(sent))
     # 1 / η - 1: echoes along directions of the beginning arrive slower from then on, of the moment faster before
-    mean, last = (-(closing[k] + closing[k + 2]) / (speed + closing[k + 2]) for k in (0, 1))
+    shifts = [two_way_shift(closing[k], speed, closing[k + 2]) for k in (0, 1)]
+    mean, last = (-shift / (1 + shift) for shift in shifts)
     out, home = bends
     mean, last = ((mean + 0.5 * (out + home), last + (out + home)) if back.later is None else
                   (mean + 0.5 * (out - home), last + out))
