@@ -30,8 +30,8 @@ def begin_command(objects: int = 200_000) -> None:
     """Make the start of a command quick, in a process of its own, where nobody else minds.
 
     The first collection of garbage is put off until there are so many objects, more than the start makes, and what it
-    made is not looked through again; then collections are as usual. xarray imports Dask only where Dask is in use.
-    SciPy leaves alone what it only passes on or documents.
+    made is not looked through again; then collections are as usual. xarray is imported when it is used, and Dask only
+    where Dask is in use. SciPy leaves alone what it only passes on or documents, and pandas PyArrow.
     """
     global _of_command
     _of_command, usual = True, gc.get_threshold()
@@ -44,27 +44,34 @@ def begin_command(objects: int = 200_000) -> None:
 
     gc.callbacks.append(go_on)
     gc.set_threshold(objects, *usual[1:])
-    sys.meta_path.insert(0, _ScipyOnly)
+    sys.meta_path.insert(0, _UsedAlone)
 
 
-class _ScipyOnly:
-    """Leave out of SciPy's import what no command uses, a tenth of a second.
+class _UsedAlone:
+    """Leave out of imports what a command does not use: a fifth of a second, and as much again where xarray is idle.
 
     SciPy imports all names of NumPy, of which two are packages of build tools and tests: they are imported when used.
-    And it parses the text of hundreds of its functions, to add a note to each.
+    And it parses the text of hundreds of its functions, to add a note to each. pandas, which xarray imports, takes
+    PyArrow where it is installed, 35 MB, for tables that no command has.
     """
 
     @classmethod
     def find_spec(cls, name: str, path: Any = None, target: ModuleType | None = None) -> ModuleSpec | None:
-        if name not in ("numpy.f2py", "numpy.testing", "scipy._lib._array_api", "matplotlib.artist"):
+        pandas = getattr(sys.modules.get("pandas"), "__spec__", None)
+        if name == "pyarrow" and getattr(pandas, "_initializing", False):       # not where a command asks for it
+            raise ModuleNotFoundError("pandas does without PyArrow in a command", name=name)
+        if name not in ("numpy.f2py", "numpy.testing", "scipy._lib._array_api", "matplotlib.artist", "xarray"):
             return None
         spec = PathFinder.find_spec(name, path, target)
         if spec is None or spec.loader is None:
             return spec
+        execute = spec.loader.exec_module
         if name.startswith("numpy"):
             spec.loader = util.LazyLoader(spec.loader)
+        elif name == "xarray":
+            spec.loader.create_module = lambda spec: _Later(spec.name)
+            spec.loader.exec_module = lambda module: vars(module).update(_execute=execute)
         else:
-            execute = spec.loader.exec_module
 
             def without_texts(module: Any) -> None:
                 execute(module)
@@ -75,6 +82,26 @@ class _ScipyOnly:
 
             spec.loader.exec_module = without_texts
         return spec
+
+
+class _Later(ModuleType):
+    """Hold a module that is executed when an attribute of it is first used.
+
+    `importlib.util.LazyLoader` executes it when it is imported a second time, as many modules do.
+    """
+
+    _lock = threading.RLock()      # not that of first uses, which a thread may hold that imports the module at work
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        with self._lock:
+            if (execute := vars(self).pop("_execute", None)) is not None:
+                with imports():
+                    execute(self)
+                self.__class__ = ModuleType
+                _dask_when_used()
+        return object.__getattribute__(self, name)
 
 
 def when_called(decorator: Callable[..., Any]) -> Callable[..., Any]:
@@ -186,7 +213,7 @@ def attach(package: str, file: str, **modules: str) -> tuple[Callable[[str], Any
                 value = importlib.import_module(module)
             value = getattr(value, attribute) if attribute else value
             setattr(sys.modules[package], name, value)
-            if "xarray" in sys.modules:
+            if "xarray.core" in sys.modules:           # not one that waits to be used
                 _dask_when_used()
         return value
 

@@ -16,6 +16,8 @@ A recorder with a peak detector writes the highest intensity of a window in plac
 
 W -> ``peak_window`` [bins]. Cells that begin between those of a bin have sums of the scatterers of both.
 """
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
@@ -77,20 +79,34 @@ def peaks(intensity: np.ndarray, shares: np.ndarray, speckle: np.ndarray, noise:
     Arguments are those of `realisation`, with ``speckle`` (..., gates, steps); from a generator in the same state, the
     noise is the same.
     """
-    bins = intensity.shape[-1]
+    drawn = None
+    if noise and len(shares) == 1:
+        cells = speckle.shape[-2] // intensity.shape[-1]
+        drawn = np.stack([_gaussian(random, intensity.shape) for _ in range(cells)], -1)
+    elif noise:
+        drawn = _gaussian(random, (*speckle.shape[:-2], speckle.shape[-2] + len(shares) - 2))
+    arrays = intensity, speckle, drawn, coherent, coherent_intensity
+    if intensity.ndim < 3:
+        return _peaks_of(*arrays, shares, noise, window, leakage)
+    # a few pings (ping, side, ...) at a time: the steps of complex pressures take many times the memory of the picture
+    few = max(1, WORK // speckle[:1].size)
+    return np.concatenate([_peaks_of(*(None if array is None else array[first:first + few] for array in arrays),
+                                     shares, noise, window, leakage) for first in range(0, len(intensity), few)])
+
+
+def _peaks_of(intensity, speckle, drawn, coherent, coherent_intensity, shares, noise, window, leakage):
+    """Return the highest intensities of a few pings, see `peaks`; ``drawn`` is noise of unit variance, or None."""
     if len(shares) == 1:
-        cells, steps = speckle.shape[-2] // bins, speckle.shape[-1]
+        cells, steps = speckle.shape[-2] // intensity.shape[-1], speckle.shape[-1]
         mean = between(np.repeat(shares[0] * intensity, cells, -1), steps)
         z = leaked_pressure(np.sqrt(mean) * speckle, leakage)
-        if noise:
-            drawn = np.stack([_gaussian(random, intensity.shape) for _ in range(cells)], -1)
+        if drawn is not None:
             z += np.sqrt(noise) * between(drawn.reshape(*intensity.shape[:-1], -1), steps, np.sqrt)
     else:
         cells, steps = 1, 2
         root = np.sqrt(shares)
         z = leaked_pressure(_gate(np.sqrt(np.repeat(0.5 * intensity, 2, -1)) * speckle[..., 0], root, 1), leakage)
-        if noise:
-            drawn = _gaussian(random, (*speckle.shape[:-2], speckle.shape[-2] + len(shares) - 2))
+        if drawn is not None:
             z += np.sqrt(noise / shares.sum()) * _sums(drawn, root, 1)
         # the last bin ends with its middle
         z = np.concatenate([z, z[..., -1:]], -1).reshape(*intensity.shape, steps)

@@ -16,7 +16,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mitsonar.device.arrays import upload
+from mitsonar.device.arrays import give_back_memory, upload
 from mitsonar.device.types import ArrayTypes
 from mitsonar.scattering.bodies.scattering_functions import ScatteringFunction
 
@@ -32,6 +32,8 @@ from .protocols import (
 )
 from .sea import Sea, SeaStand, WavySurface, wavy_surface
 from .two_scenes import MovingScene, TwoScenes, scene_of
+
+MANY = 1 << 19                     # facets, of whose tables memory is given back
 
 
 def vertex_normals(vertices: np.ndarray,    # (V, 3) [m]
@@ -135,6 +137,7 @@ class Geometry:
         rows = np.zeros((int(registry.max()) + 1, 4), np.uint32)
         vertices, faces, texcoords, normals, first_vertex, first_face = [], [], [], [], 0, 0
         self.meshes, self.others, self.first_vertices, self.smooth_beds = [], [], [], smooth_beds
+        any_smooth = any(self.is_smooth(shape) for shape in shapes)
         for index, shape in zip(registry, shapes):
             rows[index, 0] = self.named.of(shape)
             parameters = mi.traverse(shape)
@@ -147,13 +150,17 @@ class Geometry:
                 raise ValueError(f'a face of the mesh "{shape.id()}" names vertex {face.max()}, and the vertices count '
                                  f"from 0 to {len(vertex) - 1}; repair the mesh")
             rows[index, 1:] = first_face, 1, self.textured and shape.has_vertex_texcoords()
-            texcoords.append(parameters["vertex_texcoords"].numpy().reshape(-1, 2) if rows[index, 3]
-                             else np.zeros((len(vertex), 2), np.float32))
+            if self.textured:
+                texcoords.append(parameters["vertex_texcoords"].numpy().reshape(-1, 2) if rows[index, 3]
+                                 else np.zeros((len(vertex), 2), np.float32))
             vertices.append(vertex)
-            normals.append(vertex_normals(vertex, face) if self.is_smooth(shape)
-                           else np.zeros((len(vertex), 3), np.float32))
-            label = self.named.of_faces(shape, len(face))
-            faces.append(np.concatenate([face + np.uint32(first_vertex), label[:, None]], 1, dtype=np.uint32))
+            if any_smooth:
+                normals.append(vertex_normals(vertex, face) if self.is_smooth(shape)
+                               else np.zeros((len(vertex), 3), np.float32))
+            corners = np.empty((len(face), 4), np.uint32)
+            corners[:, 3] = self.named.of_faces(shape, len(face))
+            np.add(face, np.uint32(first_vertex), out=corners[:, :3])
+            faces.append(corners)
             self.meshes.append((int(index), shape, first_face, len(face)))
             self.first_vertices.append(first_vertex)
             if (moving := moving_shape(shape)) is not None:
@@ -174,8 +181,12 @@ class Geometry:
         self.vertices = upload(mi.Float, _padded(vertices))
         self.faces = upload(mi.UInt32, np.concatenate(faces) if faces else np.zeros((1, 4), np.uint32))
         self.texcoords = upload(mi.Float, np.concatenate(texcoords)) if self.textured and texcoords else None
-        self.normals = upload(mi.Float, _padded(normals)) if any(self.is_smooth(shape) for shape in shapes) else None
+        self.normals = upload(mi.Float, _padded(normals)) if any_smooth else None
         dr.eval(self.rows, self.kinds, self.vertices, self.faces)
+        self.large = first_face > MANY     # its tables are worth giving memory back for
+        if self.large:
+            del vertices, texcoords, faces, normals, vertex, face, corners
+            give_back_memory()         # what these tables and the scene were made of is twice as much as they are
         box = scene.bbox()
         self.depth_range = -float(box.max.z), -float(box.min.z)
         surface = [shape for shape in shapes if is_sea_surface(shape)]
@@ -398,5 +409,7 @@ def _check_extents(shapes):
 
 
 def _padded(parts):
-    table = np.concatenate(parts) if parts else np.zeros((1, 3), np.float32)
-    return np.concatenate([table, np.zeros((len(table), 1), np.float32)], 1, dtype=np.float32)
+    table = np.zeros((max(sum(map(len, parts)), 1), 4), np.float32)
+    if parts:
+        np.concatenate(parts, out=table[:, :3])
+    return table

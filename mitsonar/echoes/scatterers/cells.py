@@ -23,7 +23,7 @@ def four_wide(rows: np.ndarray) -> np.ndarray:
 def divisions(longest_side: np.ndarray, cell_size: float | np.ndarray) -> np.ndarray:
     """Return n, uint32 (F,), for facets with these longest sides [m] (F,) and cells of at most `cell_size` [m]."""
     if np.ndim(cell_size) == 0 and np.isinf(cell_size):
-        return np.ones(len(longest_side), np.uint32)
+        return np.broadcast_to(np.uint32(1), len(longest_side))
     return np.maximum(1, np.ceil(np.asarray(longest_side, float) / cell_size - 1e-9)).astype(np.uint32)
 
 

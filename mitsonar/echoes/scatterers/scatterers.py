@@ -35,7 +35,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mitsonar.device.arrays import arrays_of, held, reinterpreted, upload
+from mitsonar.device.arrays import arrays_of, give_back_memory, held, reinterpreted, upload
 from mitsonar.device.chance import Salt, gaussian, hashed, hashed_pair, scrambled, shape_key, uniform
 from mitsonar.device.types import Array4u
 from mitsonar.scattering.surfaces.glints import FEWEST, with_glints
@@ -121,51 +121,51 @@ class Scatterers:
         self.geometry = geometry
         vertices = geometry.at_rest(geometry.vertices.numpy().reshape(-1, 4))
         faces = geometry.faces.numpy().reshape(-1, 4)
-        named = faces[:, 3].copy()
         grids = [(index, shape, grid_of(shape)) for index, shape in geometry.others]
         meshed, meshed_faces, rows = len(vertices), len(faces), []
         for index, shape, grid in grids:
             rows.append((index, shape, len(faces), len(grid.faces)))
-            faces = np.concatenate([faces, four_wide(grid.faces + np.uint32(len(vertices))).astype(np.uint32)])
+            corners = four_wide(grid.faces + np.uint32(len(vertices))).astype(np.uint32)
+            corners[:, 3] = geometry.named.of(shape)
+            faces = np.concatenate([faces, corners])
             vertices = np.concatenate([vertices, four_wide(grid.vertices).astype(np.float32)])
-        # the geometry's own vertices, unless there are more or some move
+        # the geometry's own tables, unless there are more facets or some vertices move; corners and label of each facet
         self._vertices = upload(mi.Float, vertices) if grids or geometry.movers else geometry.vertices
-        self._faces = upload(mi.UInt32, faces)
+        self._faces = upload(mi.UInt32, faces) if grids else geometry.faces
+        self.label = faces[:, 3]
+        self._cuts: mi.UInt32 | None = None                           # n of each facet; None: 1
         side, self.centre, self.radius = self._measured(len(faces))
         self.longest_side, self.cuts = side, divisions(side, cell_size)
         if self.cuts.max(initial=1) > MOST_CUTS:
             raise ValueError(f"Cells of {cell_size:g} m cut a facet of {side.max():.0f} m into more than {MOST_CUTS} "
                              "rows. Use larger cells, or a mesh of smaller facets.")
-        dr.scatter(self._faces, upload(mi.UInt32, self.cuts), 4 * dr.arange(mi.UInt32, len(faces)) + 3)
-        # for each facet: registry index of its shape, its number there, the key of its scatterers, and 1 if its
-        # corners have texture coordinates
-        facts = np.zeros((len(faces), 4), np.uint32)
+        if np.isfinite(cell_size):
+            self._cuts = upload(mi.UInt32, self.cuts)
+        registry = np.zeros(len(faces), np.uint32)
         self.scattering, self.at_surface = np.zeros(len(faces), bool), np.zeros(len(faces), bool)
         shapes = [*geometry.meshes, *rows]
-        self.label = np.zeros(len(faces), np.uint32)
-        self.rows = np.zeros((max(index for index, *_ in shapes) + 1, 2), np.uint32)
+        # for each shape: first facet, 1 if it is no mesh, 1 if its corners have texture coordinates, key
+        self.rows = np.zeros((max(index for index, *_ in shapes) + 1, 4), np.uint32)
         glints = np.zeros((len(self.rows), 2), np.float32)
         for index, shape, first, count in shapes:
             own = slice(first, first + count)
-            facts[own, 0], facts[own, 1], facts[own, 2] = index, np.arange(count), shape_key(shape.id())
+            registry[own] = index
             self.scattering[own] = not (target_shape(shape) is not None or is_smooth(shape) or is_mirror(shape))
             self.at_surface[own] = is_sea_surface(shape)
-            self.rows[index] = first, first >= meshed_faces
-            self.label[own] = named[own] if first < meshed_faces else geometry.named.of(shape)
+            is_grid = first >= meshed_faces
+            mapped = geometry.textured and (is_grid or shape.has_vertex_texcoords())
+            self.rows[index] = first, is_grid, mapped, shape_key(shape.id())
             if (material := sound_material(shape.bsdf())) is not None and material.glints is not None:
                 glints[index] = material.glints.per_area, material.glints.share
-            facts[own, 3] = geometry.textured and (self.rows[index, 1] or shape.has_vertex_texcoords())
         self.glinting, self._glints = bool(glints.any()), upload(mi.Float, glints)
-        key, number = (upload(mi.UInt32, facts[:, column]) for column in (2, 1))
-        own_key = hashed(self.lib, key, number, dr.opaque(mi.UInt32, int(seed) & 0xFFFFFFFF))
-        facts[:, 2] = own_key.numpy()
+        self._registry, self._rows = upload(mi.UInt32, registry), upload(mi.UInt32, self.rows)
+        row = dr.gather(self.lib.Array4u, self._rows, self._registry)
+        self._keys = hashed(self.lib, row[3], dr.arange(mi.UInt32, len(faces)) - row[0],
+                            dr.opaque(mi.UInt32, int(seed) & 0xFFFFFFFF))
         self._grids = Grids([(index, grid, first) for (index, _, grid), (_, _, first, _) in zip(grids, rows)],
                             len(self.rows))
-        self._facts, self._rows = upload(mi.UInt32, facts), upload(mi.UInt32, self.rows)
-        self._labels = upload(mi.UInt32, self.label)
-        self._seed = self.seed_of(own_key)
-        self._threshold = uniform(self.lib, hashed(self.lib, own_key, mi.UInt32(Salt.COUNT)))
-        dr.eval(self._seed, self._threshold)
+        self._threshold = uniform(self.lib, hashed(self.lib, self._keys, mi.UInt32(Salt.COUNT)))
+        dr.eval(self._keys, self._threshold)
         self._texcoords = None
         if geometry.textured:
             texcoords = np.zeros((len(vertices), 2), np.float32)
@@ -179,7 +179,7 @@ class Scatterers:
         if geometry.normals is not None:
             own = geometry.normals.numpy()
             self._normals = upload(mi.Float, np.concatenate([own, np.zeros(4 * len(vertices) - len(own), np.float32)]))
-        dr.eval(self._vertices, self._faces, self._facts, self._rows, self._labels)
+        dr.eval(self._vertices, self._faces, self._registry, self._rows, self._cuts)
         self.radius[self.at_surface] *= geometry.sea.stretch if geometry.sea is not None else 1
         self.moving = np.isin(self.label, [body.label for body in geometry.movers])
         # facets that move, their bodies' numbers, and their corners and centres in the bodies' own frames
@@ -217,7 +217,11 @@ class Scatterers:
         # millions of facets: single precision is enough to find those within reach
         centre, side, radius = mi.Point3f(centre), mi.Float(side), mi.Float(radius)
         dr.eval(centre, side, radius)
-        return side.numpy(), np.stack([axis.numpy() for axis in centre], 1), radius.numpy()
+        places = np.stack([axis.numpy() for axis in centre], 1)
+        del centre
+        if self.geometry.large:
+            give_back_memory()
+        return side.numpy(), places, radius.numpy()
 
     def in_reach(self, origin: np.ndarray, nearest: float, farthest: float) -> np.ndarray:
         """Return the facets (K,) that come nearer to `origin` (3,) than `farthest` and reach beyond `nearest` [m]."""
@@ -236,10 +240,22 @@ class Scatterers:
             distance[self.at_surface] -= self.geometry.sea.waves.crest
         return self.scattering & ((distance < farthest) | self.moving & ~self.at_surface)
 
+    def forget_measures(self) -> None:
+        """Free centres, radii and longest sides, which take 40 bytes a facet, where nobody asks for them again."""
+        if not self.geometry.movers:
+            self.centre = self.radius = self.longest_side = np.empty(0, np.float32)
+
     @cached_property
     def _on_host(self) -> tuple[np.ndarray, np.ndarray]:
         """Return vertices (V, 4) and facets (F, 4); on LLVM, the same memory as on the device."""
         return self._vertices.numpy().reshape(-1, 4), self._faces.numpy().reshape(-1, 4)
+
+    @cached_property
+    def _seed(self) -> mi.UInt32:
+        """Return the seeds of all facets (F,), see `seed_of`."""
+        seed = self.seed_of(self._keys)
+        dr.eval(seed)
+        return seed
 
     @cached_property
     def threshold(self) -> np.ndarray:
@@ -281,7 +297,7 @@ class Scatterers:
     def of(self, hits: Hits) -> tuple[mi.UInt32, mi.UInt32]:
         """Return the facet of each hit, and the scatterer that owns its place there, UInt32 (R,)."""
         registry = reinterpreted(mi.UInt32, hits.shape)
-        row = dr.gather(self.lib.Array2u, self._rows, registry, hits.valid)
+        row = dr.gather(self.lib.Array4u, self._rows, registry, hits.valid)
         facet, is_quad = row[0] + hits.primitive, row[1] != 0
         if self.geometry.others:
             quad, _ = self._grids.first_of(registry, hits.point, hits.valid & is_quad)
@@ -301,7 +317,11 @@ class Scatterers:
         lib = self.lib
         row = dr.gather(lib.Array4u, self._faces, facet, active)
         corners = (dr.gather(lib.Array4f, self._vertices, row[i], active) for i in range(3))
-        return (*(lib.Array3f64(v[0], v[1], v[2]) for v in corners), row[3])
+        return (*(lib.Array3f64(v[0], v[1], v[2]) for v in corners), self._rows_of_cells(facet, active))
+
+    def _rows_of_cells(self, facet: mi.UInt32, active: mi.Bool | bool = True) -> mi.UInt32:
+        """Return n, into how many rows facets (R,) are cut."""
+        return mi.UInt32(1) if self._cuts is None else dr.gather(mi.UInt32, self._cuts, facet, active)
 
     def seed_of(self, key: mi.UInt32) -> mi.UInt32:
         """Return the seeds of the sequences of places, from the keys of facets."""
@@ -338,7 +358,7 @@ class Scatterers:
 
     def exist(self, facet: mi.UInt32, k: mi.UInt32, share: mi.Float) -> mi.Bool:
         """Return True for scatterers that exist where a sonar takes a share of the n² of each facet."""
-        n = mi.Float(dr.gather(self.lib.Array4u, self._faces, facet)[3])
+        n = mi.Float(self._rows_of_cells(facet))
         return exists(k, self.threshold_of(facet), share * n * n)
 
     def threshold_of(self, facet: mi.UInt32) -> mi.Float:
@@ -359,7 +379,7 @@ class Scatterers:
         bits = hashed_pair(lib, self.amplitude_key(facts[2]), k)
         return Cells(point=point, normal=normal, area=0.5 * twice / (cuts * cuts), primitive=facts[1], shape=shape,
                      uv=uv, amplitude=self.amplitudes.of(*bits, point, normal, shape, facts[1], uv),
-                     label=dr.gather(mi.UInt32, self._labels, facet), smooth=self.smooth_normals(facet, u, v),
+                     label=dr.gather(lib.Array4u, self._faces, facet)[3], smooth=self.smooth_normals(facet, u, v),
                      part=None if self._parts is None else dr.gather(mi.UInt32, self._parts, facet))
 
     def corners(self, facet: np.ndarray) -> np.ndarray:
@@ -369,7 +389,9 @@ class Scatterers:
 
     def facts(self, facet: mi.UInt32) -> Array4u:
         """Return registry index of the shape, number there, hash key, and 1 if it has texture coordinates."""
-        return dr.gather(self.lib.Array4u, self._facts, facet)
+        shape = dr.gather(mi.UInt32, self._registry, facet)
+        row = dr.gather(self.lib.Array4u, self._rows, shape)
+        return self.lib.Array4u(shape, facet - row[0], dr.gather(mi.UInt32, self._keys, facet), row[2])
 
     def smooth_normals(self, facet: mi.UInt32, u: mi.Float, v: mi.Float) -> mi.Vector3f | None:
         """Return interpolated normals at barycentric coordinates, or None if no shape has any."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import xarray as xr
+from xarray import Dataset, Variable
 from xarray.backends import BackendArray
 from xarray.core import indexing
 
@@ -17,7 +17,7 @@ OF, PART = "complex_of", "complex_part"
 PARTS = ("real", "imag")
 
 
-def split(dataset: xr.Dataset) -> xr.Dataset:
+def split(dataset: Dataset) -> Dataset:
     """Return a dataset in which two real variables replace each complex one."""
     if not any(variable.dtype.kind == "c" for variable in dataset.variables.values()):
         return dataset
@@ -31,13 +31,13 @@ def split(dataset: xr.Dataset) -> xr.Dataset:
             if key in dataset.variables:
                 raise ValueError(f"the complex variable {name} would be written as {key}, and there is one already; "
                                  "rename it")
-            variables[key] = xr.Variable(variable.dims, np.ascontiguousarray(getattr(variable.values, part)),
+            variables[key] = Variable(variable.dims, np.ascontiguousarray(getattr(variable.values, part)),
                                          {**variable.attrs, OF: str(name), PART: part})
         coords |= {f"{name}_{part}" for part in PARTS if name in coords}
-    return xr.Dataset(variables, attrs=dataset.attrs).set_coords([name for name in variables if name in coords])
+    return Dataset(variables, attrs=dataset.attrs).set_coords([name for name in variables if name in coords])
 
 
-def joined(dataset: xr.Dataset) -> xr.Dataset:
+def joined(dataset: Dataset) -> Dataset:
     """Return the dataset that `split` was given; lazy variables stay lazy."""
     if not any(OF in variable.attrs for variable in dataset.variables.values()):
         return dataset
@@ -53,10 +53,10 @@ def joined(dataset: xr.Dataset) -> xr.Dataset:
             continue
         variables[whole] = _whole(dataset, str(whole), variable)
         coords |= {whole} if name in coords else set()
-    return xr.Dataset(variables, attrs=dataset.attrs).set_coords([name for name in variables if name in coords])
+    return Dataset(variables, attrs=dataset.attrs).set_coords([name for name in variables if name in coords])
 
 
-def _whole(dataset: xr.Dataset, name: str, real: xr.Variable) -> xr.Variable:
+def _whole(dataset: Dataset, name: str, real: Variable) -> Variable:
     """Return the complex variable of a real part and the imaginary part beside it."""
     other = f"{name}_{PARTS[1]}"
     if name in dataset.variables or other not in dataset.variables:
@@ -70,18 +70,18 @@ def _whole(dataset: xr.Dataset, name: str, real: xr.Variable) -> xr.Variable:
     return whole
 
 
-def together(real: xr.Variable, imag: xr.Variable) -> xr.Variable:
+def together(real: Variable, imag: Variable) -> Variable:
     """Return the complex variable of two parts, without attributes; it is lazy if the first part is lazy."""
     if real.dims != imag.dims or real.shape != imag.shape or real.dtype != imag.dtype or real.dtype.kind != "f":
         raise ValueError(f"they are {real.dtype} over {dict(real.sizes)} and {imag.dtype} over {dict(imag.sizes)}")
-    whole = xr.Variable(real.dims, indexing.LazilyIndexedArray(_Parts(real, imag)))
+    whole = Variable(real.dims, indexing.LazilyIndexedArray(_Parts(real, imag)))
     return whole.load() if isinstance(real._data, np.ndarray) else whole
 
 
 class _Parts(BackendArray):
     """Read complex values from the variables of their parts when they are indexed."""
 
-    def __init__(self, real: xr.Variable, imag: xr.Variable):
+    def __init__(self, real: Variable, imag: Variable):
         self.parts = real, imag
         self.shape: tuple[int, ...] = real.shape
         self.dtype = np.dtype(np.result_type(real.dtype, np.complex64))

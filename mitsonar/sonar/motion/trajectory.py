@@ -19,6 +19,7 @@ float32 follow.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 
@@ -45,23 +46,28 @@ class SmoothCurve:
 
     def __init__(self, time: np.ndarray, values: np.ndarray):
         time, values = np.asarray(time, float), np.asarray(values, float)
+        self._known = time, values
         self.first, self.last = float(time[0]), float(time[-1])
         self._shape = (1,) * (values.ndim - 1)
-        if len(time) < 3:              # straight, bit for bit as the spline, and SciPy's splines take long to import
-            rise = np.subtract(*values[::-1]) / np.subtract(*time[::-1]) if len(time) == 2 else 0.0 * values[0]
-            self._spline = lambda at: 0.0 + values[0] + np.multiply.outer(at - self.first, rise)
-            self._slope = lambda at: rise
-        else:
-            from scipy.interpolate import CubicSpline
 
-            self._spline = CubicSpline(time, values, bc_type="not-a-knot")
-            self._slope = self._spline.derivative()
+    @cached_property
+    def _parts(self) -> tuple[Callable[[np.ndarray], np.ndarray], Callable[[np.ndarray], np.ndarray]]:
+        """Return values and slopes as functions of times; SciPy's splines take long to import, and wait for use."""
+        time, values = self._known
+        if len(time) < 3:              # straight, bit for bit as the spline
+            rise = np.subtract(*values[::-1]) / np.subtract(*time[::-1]) if len(time) == 2 else 0.0 * values[0]
+            return lambda at: 0.0 + values[0] + np.multiply.outer(at - self.first, rise), lambda at: rise
+        from scipy.interpolate import CubicSpline
+
+        spline = CubicSpline(time, values, bc_type="not-a-knot")
+        return spline, spline.derivative()
 
     def at(self, times: np.ndarray) -> np.ndarray:
         """Return the values at times (...) [s]: (..., *values.shape[1:])."""
         inside = np.clip(times, self.first, self.last)
         beyond = np.reshape(times - inside, np.shape(inside) + self._shape)
-        return self._spline(inside) + beyond * self._slope(inside)
+        spline, slope = self._parts
+        return spline(inside) + beyond * slope(inside)
 
 
 class Lead(ABC):

@@ -8,6 +8,7 @@ import mitsuba as mi
 import numpy as np
 import xarray as xr
 
+from mitsonar.device.arrays import give_back_memory
 from mitsonar.imaging import sidescan as imaging
 from mitsonar.imaging.energy_record import gathered
 from mitsonar.scene import objects
@@ -89,6 +90,8 @@ def picture(survey: SidescanSurvey, sensor: SidescanSensor, seed: int,
     """Render the image, with its truth; see `mitsonar.render`."""
     record, classes = energy.record(survey, Sides(survey), seed, progress), classes_of(survey.labels)
     image = imaging.image(record, track=survey.track, depth_below=survey.depth_below, **_shared(survey, sensor, seed))
+    if survey.world.still.large:
+        give_back_memory()             # that of the speckle's tables
     return objects.annotated(image, *classes, survey.world.still, survey.track.position)
 
 

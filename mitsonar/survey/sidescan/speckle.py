@@ -134,6 +134,7 @@ class SideSpeckle:
             0.5 * start * survey.waters.slowest * (1 - drift), reach * (1 + drift)))
         self._water = WaterCells(survey)
         self._sort(reach * (1 + 3 * drift))
+        self._facets.forget_measures()
         if self._blocks > MANY:
             give_back_memory()          # as much again as is kept
 
