@@ -69,7 +69,7 @@ class _UsedAlone:
         if name.startswith("numpy"):
             spec.loader = util.LazyLoader(spec.loader)
         elif name == "xarray":
-            spec.loader.create_module = lambda spec: _Later(spec.name)
+            spec.loader.create_module = lambda spec: _IdleModule(spec.name)
             spec.loader.exec_module = lambda module: vars(module).update(_execute=execute)
         else:
 
@@ -84,7 +84,7 @@ class _UsedAlone:
         return spec
 
 
-class _Later(ModuleType):
+class _IdleModule(ModuleType):
     """Hold a module that is executed when an attribute of it is first used.
 
     `importlib.util.LazyLoader` executes it when it is imported a second time, as many modules do.
