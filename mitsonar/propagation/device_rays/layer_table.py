@@ -44,6 +44,11 @@ class LayerTable(Record):
     profile: SoundSpeedProfile  # source of the table
     count: int
 
+    @property
+    def uniform(self) -> bool:
+        """Return True if the sound speed is the same everywhere, so that rays are straight."""
+        return not np.ptp(self.profile.sound_speed)
+
     def find(self, depth: Float64) -> UInt32:
         """Return the index of the layer that holds each depth [m]: for a node the layer below, for NaN the first.
         """

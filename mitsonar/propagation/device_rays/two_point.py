@@ -65,16 +65,6 @@ class PointState(Record):
         """Return the same as `SourceState.gather`; the index is ignored."""
         return self.depth, self.speed, self.moments
 
-    def moved(self, table: LayerTable, down: Float) -> "PointState":
-        """Return the medium centimetres deeper, (R,) [m], in the same layer: times are right to 1e-11 s."""
-        e, step = table.scale / (self.speed * self.speed) - 1, table.lib.Float64(down)
-        moments, power = [], step * e
-        for moment in self.moments:
-            moments.append(moment + power)
-            power = power * e
-        return PointState(depth=self.depth + step, speed=dr.fma(self.gradient, step, self.speed),
-                          gradient=self.gradient, moments=moments)
-
 
 def source_state(table: LayerTable, source_depth: np.ndarray) -> SourceState:
     """Evaluate the medium once per source depth ((D,) array [m])."""
@@ -209,27 +199,31 @@ def to_hit(table: LayerTable, lib: ArrayTypes, source: SourceState | PointState,
     # spreading_area [m²/sr], ray_parameter [s/m], arrival_sine, sound_speed [m/s], move onwards and down [m]
     F, z = lib.Float, end.depth
     z0, c0, moments0 = source.gather(lib, source_index)
-    p0, chord_x = cosine0 / c0, x
-    move = F(0), F(0)
+    p0, c, x_q = cosine0 / c0, lib.Float64(end.speed), x
+    step, move = F(0), (F(0), F(0))
     if facing is not None:
-        cosine = F(p0 * end.speed)
+        cosine = F(p0 * c)
         sine = cast(Float, dr.copysign(dr.sqrt(dr.maximum(1 - cosine * cosine, 0)), F(s0)))
         miss = F(x) - _range(table, lib, p0, end, z0, moments0)
-        _, *move = _onto_ray(facing, miss, F(0), cosine, sine)
-        x, end = x + lib.Float64(move[0]), end.moved(table, move[1])
-    time, slope, arc, range_per_p, p, a4, miss = _series(table, lib, p0, x, end, z0, moments0)
-    c = lib.Float64(end.speed)
+        step, *move = _onto_ray(facing, miss, F(0), cosine, sine)
+        x_q = dr.select(move[0] == 0, x, x - lib.Float64(miss))
+    # to Q, or to the hit if it does not move
+    time, slope, arc, range_per_p, p, a4, miss = _series(table, lib, p0, x_q, end, z0, moments0)
     sine0 = dr.sqrt(F(dr.maximum(1 - p * p * c0 * c0, 0)))
     sine = dr.sqrt(F(dr.maximum(1 - p * p * c * c, 0)))
     area = range_per_p * slope * sine * sine0 / F(c0 * c0)             # X |D| sinθ sinθ0 / (c0 cosθ0), cosθ0 = p c0
     sine = dr.select(z < z0, -sine, sine)
+    if facing is not None:
+        area *= 1 + 2 * step / arc
+        time, arc = time + _time_ahead(end.gradient, c, sine, step), arc + step
+        c = c + end.gradient * lib.Float64(move[1])
     # the ray heads away from the hit, or missed it: it turned; or the series is too slow: walk the arcs
     direct = ((z - z0) * s0 > 0) & (p0 * c < 1) & (abs(miss) < F(10 * tolerance + 0.05 * x))
     # a4 >= 0 but for rounding, which is what is left of it where the depths nearly agree
     close = abs(z - z0) < LEVEL * x
     bent = valid & ~(direct & (abs(a4) < SERIES_LIMIT) & ~close)
     time, arc, area, p, sine, c, *move = _by_walking(
-        table, lib, z0, c0, s0, cosine0, chord_x, z, facing, bent, (time, arc, area, p, sine, c, *move))
+        table, lib, z0, c0, s0, cosine0, x, z, facing, bent, (time, arc, area, p, sine, c, *move))
     area = dr.maximum(area, F(x * x + dr.square(z - z0)) * (1 / MAX_TUBE_GAIN))
     return time, arc, area, p, sine, c, (move[0], move[1])
 
@@ -253,6 +247,12 @@ def _onto_ray(facing: tuple[Float, Float], x: Float, z: Float, cosine: Float,
     step = dr.fma(onwards, x, down * z) / towards
     moves = (abs(towards) > SLANT) & (abs(dr.fma(x, sine, z * cosine)) < FAR_OFF)
     return tuple(dr.select(moves, part, 0) for part in (step, dr.fma(step, cosine, -x), dr.fma(step, sine, -z)))
+
+
+def _time_ahead(g: Float64, c: Float64, sine: Float | Float64, step: Float | Float64) -> Float64:
+    """Return the time [s] that a ray takes for a step (R,) [m]."""
+    way = type(c)(step)
+    return way / c - g * type(c)(sine) * way * way / (2 * c * c)
 
 
 @dr.syntax
@@ -286,7 +286,7 @@ def _by_walking(table, lib, z0, c0, s0, cosine0, x, z, facing, bent, found):
             onwards, down = dr.select(again, 0, onwards + more[1]), dr.select(again, 0, down + more[2])
             # along the ray, so that only what is left of dz is carried
             ahead = lib.Float64(dr.select(again, 0, step + more[0]))
-            t_x += ahead / c_x - g_x * s_x * ahead * ahead / (2 * c_x * c_x)
+            t_x += _time_ahead(g_x, c_x, s_x, ahead)
             arc_x += ahead
             dz += lib.Float64(down) - ahead * s_x
             c_x += g_x * s_x * ahead

@@ -130,7 +130,7 @@ class Tracer:
         facing = dr.fma(on.normal.x, heading.x, on.normal.y * heading.y), -on.normal.z
         time, arc, area, p, sine, c, (onwards, down) = to_hit(
             table, lib, state, source, s0, cosine0, _horizontal(on.point, origin), PointState.at(table, -on.point.z),
-            valid, tolerance, facing)
+            valid, tolerance, None if table.uniform else facing)
         on = on.moved(mi.Vector3f(heading.x * onwards, heading.y * onwards, -down))
         point, x = on.point, _horizontal(on.point, origin)
         # the hit may lie slightly off the launch bearing: directions are those of the eigenray
