@@ -33,8 +33,7 @@ class SonarImage(xr.Dataset):
     @classmethod
     def of(cls, dataset: xr.Dataset) -> "SonarImage":
         """Return the dataset as an image."""
-        # variables, as data arrays would be aligned with each other one by one
-        return cls({name: dataset.variables[name] for name in dataset.data_vars}, dataset.coords, dataset.attrs)
+        return cls(dataset.data_vars, dataset.coords, dataset.attrs)
 
     def to_netcdf(self, path: FilePath | None = None, *arguments: Any, **options: Any) -> Any:
         """Write to netCDF-4; the arguments are those of `xarray.Dataset.to_netcdf`, with h5netcdf as default engine."""
