@@ -99,7 +99,7 @@ class _IdleModule(ModuleType):
             if (execute := vars(self).pop("_execute", None)) is not None:
                 with imports():
                     execute(self)
-                self.__class__ = ModuleType
+                object.__setattr__(self, "__class__", ModuleType)
                 _dask_when_used()
         return object.__getattribute__(self, name)
 

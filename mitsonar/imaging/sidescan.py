@@ -90,8 +90,9 @@ def peaks(intensity: np.ndarray, shares: np.ndarray, speckle: np.ndarray, noise:
         return _peaks_of(*arrays, shares, noise, window, leakage)
     # a few pings (ping, side, ...) at a time: the steps of complex pressures take many times the memory of the picture
     few = max(1, WORK // speckle[:1].size)
-    return np.concatenate([_peaks_of(*(None if array is None else array[first:first + few] for array in arrays),
-                                     shares, noise, window, leakage) for first in range(0, len(intensity), few)])
+    parts = ([None if array is None else array[first:first + few] for array in arrays]
+             for first in range(0, len(intensity), few))
+    return np.concatenate([_peaks_of(a, b, c, d, e, shares, noise, window, leakage) for a, b, c, d, e in parts])
 
 
 def _peaks_of(intensity, speckle, drawn, coherent, coherent_intensity, shares, noise, window, leakage):

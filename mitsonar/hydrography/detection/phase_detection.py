@@ -191,8 +191,8 @@ def _turned(samples: _PhaseSamples, found: np.ndarray, incidence: np.ndarray, si
     x *= inside
     phase = (turn[beam] * x).astype(np.float32)          # of a few radians, right to 1e-6
     turned = np.empty_like(samples.product)
-    np.multiply(np.cos(phase), inside, out=turned.real)
-    np.multiply(-np.sin(phase), inside, out=turned.imag)
+    np.multiply(np.cos(phase), inside, out=np.real(turned))
+    np.multiply(-np.sin(phase), inside, out=np.imag(turned))
     turned *= samples.product
     return _TurnedPhase(x=x, inside=inside, product=turned, offset=np.angle(samples.windows.summed(turned)))
 
@@ -201,7 +201,7 @@ def _fitted(samples: _PhaseSamples, turned: _TurnedPhase, turn: np.ndarray, bloc
     """Fit the line's offset and slope, by one step from the line of slope ``turn``."""
     windows, beam, x = samples.windows, samples.windows.beam, turned.x
     product = turned.product * np.exp(-1j * turned.offset)[beam]
-    along, across = product.real.copy(), product.imag.copy()
+    along, across = np.real(product).copy(), np.imag(product).copy()
     weight = np.maximum(along, 0.3 * np.abs(product))
     first = weight * x
     m0, m1, m2 = windows.summed(weight), windows.summed(first), windows.summed(first * x)

@@ -246,7 +246,8 @@ def _onto_ray(facing: tuple[Float, Float], x: Float, z: Float, cosine: Float,
     towards = dr.fma(onwards, cosine, down * sine)
     step = dr.fma(onwards, x, down * z) / towards
     moves = (abs(towards) > SLANT) & (abs(dr.fma(x, sine, z * cosine)) < FAR_OFF)
-    return tuple(dr.select(moves, part, 0) for part in (step, dr.fma(step, cosine, -x), dr.fma(step, sine, -z)))
+    return (dr.select(moves, step, 0), dr.select(moves, dr.fma(step, cosine, -x), 0),
+            dr.select(moves, dr.fma(step, sine, -z), 0))
 
 
 def _time_ahead(g: Float64, c: Float64, sine: Float | Float64, step: Float | Float64) -> Float64:

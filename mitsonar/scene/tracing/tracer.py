@@ -171,7 +171,8 @@ class Tracer:
         a, b, c = (mi.Point3f(v[0], v[1], v[2]) for v in
                    (dr.gather(self.lib.Array4f, geometry.vertices, face[i], mesh) for i in range(3)))
         point = wide(a) * (1 - u - v) + wide(b) * u + wide(c) * v
-        normal = dr.cross(b - a, c - a)
+        first, second = mi.Vector3f(b - a), mi.Vector3f(c - a)
+        normal = dr.cross(first, second)
         normal *= dr.rsqrt(dr.maximum(dr.squared_norm(normal), 1e-30))
         uv, label, shape = pi.prim_uv, face[3], pi.shape
         if not geometry.only_meshes:
@@ -179,14 +180,14 @@ class Tracer:
             si = pi.compute_surface_interaction(_chord_ray(origin, heading, *chord), flags, valid & ~mesh)
             uv = dr.select(mesh, uv, si.uv)
             point = dr.select(mesh, point, dr.select(valid, wide(si.p), 0))
-            normal = dr.select(mesh, normal, si.n)
+            normal = dr.select(mesh, normal, mi.Vector3f(si.n))
             label = dr.select(mesh, label, dr.gather(mi.UInt32, geometry.rows, 4 * row, valid & ~mesh))
             # on an instance, the shape within its group is not known before
             shape = dr.select(valid & ~mesh, si.shape, shape)
-        return FacetHit(mesh=mesh, face=face, edges=(b - a, c - a), place=(mi.Float(u), mi.Float(v)), point=point,
+        return FacetHit(mesh=mesh, face=face, edges=(first, second), place=(mi.Float(u), mi.Float(v)), point=point,
                         normal=normal, uv=uv, row=row, label=label, shape=shape)
 
-    def shading(self, on: FacetHit, valid: mi.Bool) -> tuple[mi.Normal3f | None, mi.Point2f]:
+    def shading(self, on: FacetHit, valid: mi.Bool) -> tuple[mi.Vector3f | None, mi.Point2f]:
         """Return the smooth normals of hits, None without any in the scene, and the texture coordinates."""
         geometry, (u, v), mesh, smooth, uv = self.geometry, on.place, on.mesh, None, on.uv
         if geometry.normals is not None:
