@@ -40,7 +40,7 @@ class Sources(Record):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FacetHit:
-    """Where on surfaces rays end, one for each."""
+    """Hold where on surfaces rays end, one for each."""
 
     mesh: mi.Bool  # (R,): True on a mesh
     face: dr.ArrayBase  # Array4u (R,): corners and label, see `Geometry`
