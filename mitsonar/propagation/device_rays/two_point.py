@@ -29,7 +29,7 @@ from .device_arcs import arc_length, arc_step, arc_time, first_layer, wavefront_
 from .layer_table import LayerTable
 
 SERIES_LIMIT = 2e-6
-FAR_OFF = 0.02             # [m] a walked ray that passes its hit by more is aimed again
+FAR_OFF = 0.02             # [m] a ray that passes its hit by more is aimed again, and its hit stays on its chord
 SLANT = 0.01               # cosine between a facet's normal and a ray, below which a hit stays on its chord
 LEVEL = 5e-3               # depth difference over distance below which moments are rounding noise
 MAX_TUBE_GAIN = 1e4        # spreading area is kept above distance²/this: energy at a caustic stays finite

@@ -144,7 +144,7 @@ def _integrals(table: LayerTable, z0: Float64, c0: Float64, moments0: list[Float
 
 def _slice_to(table: LayerTable, z0: Float64, moments0: list[Float64]) -> Callable[[Float64], tuple[Float64, Float64]]:
     """Return the look-up that `centre_return` asks for."""
-    def mean_and_variance(rise):
+    def mean_and_variance(rise: Float64) -> tuple[Float64, Float64]:
         c, moments = table.at(z0 - rise)
         thin = abs(rise) < 1e-9
         thickness = dr.select(thin, 1, -rise)
