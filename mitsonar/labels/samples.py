@@ -11,6 +11,7 @@ equal bytes.
 """
 import io
 import json
+import math
 import tarfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -60,6 +61,7 @@ def write_sample(record: xr.Dataset, stream: IO[bytes], key: str, rules: SampleR
                  meshes: Sequence[Mapping[str, str]] = ()) -> Tally:     # of the scene, with their licences
     """Write the labelled pictures of a record as a tar, and return their numbers."""
     about = {**{name: record.attrs.get(name) for name in TOLD}, **({"meshes": [*meshes]} if meshes else {})}
+    about["parameters"] = {name: _plain(value) for name, value in (about["parameters"] or {}).items()}
     classes = rules.labels.numbered(rules.labels.classes or ())
     numbers = coco.categories(classes, rules.labels)
     key, tally = key_of(key), Tally()
@@ -101,6 +103,15 @@ def _members(record, tile: LabelledTile, name: str, rules: SampleRules, numbers:
     yield "json", json.dumps({"height": height, "width": width, "frame": tile.number, **about, **tile.description,
                               "counts": _counts(tile, numbers), **negatives, "annotations": entries},
                              ensure_ascii=False).encode()
+
+
+def _plain(text: Any) -> Any:
+    """Return the text of a scene's parameter as the number or truth value that it reads as, or as it is."""
+    try:
+        value = json.loads(text.lower())             # XML has TRUE and true
+    except (AttributeError, ValueError):
+        return text
+    return value if isinstance(value, (bool, int, float)) and math.isfinite(value) else text
 
 
 def _counts(tile, numbers):

@@ -72,6 +72,13 @@ def test_a_sample_holds_picture_masks_labels_and_arrays():
     assert sample() == held                            # no times, no owners
 
 
+@pytest.mark.parametrize("text, value", [("30", 30), ("-2.5", -2.5), ("TRUE", True), ("towed", "towed"), ("", ""),
+                                         ("0, 1", "0, 1"), ("nan", "nan"), ("1e999", "1e999"), ("[1]", "[1]")])
+def test_parameters_of_a_sample_are_numbers_where_they_read_as_numbers(text, value):
+    about = json.loads(sample(labelled(parameters={"x": text}))["000_7.json"])
+    assert about["parameters"] == {"x": value} and type(about["parameters"]["x"]) is type(value)
+
+
 def test_an_unpacked_sample_is_read_back_without_its_masks(tmp_path):
     for name, content in sample().items():
         (tmp_path / name).write_bytes(content)
