@@ -44,7 +44,7 @@ COARSEST = 1 / 16                  # step of the sine
 CLASH = 256                        # rows: columns of so many fall into the same lines of a cache
 EDGE = 3                           # rows beyond ±1 on either side, for taps
 MOST = 1 << 27                     # of rows by frequencies: a gigabyte for each table of them
-MOST_PLACES = 1 << 32              # of the line's pattern, times elements: half a minute
+MOST_PLACES = 1 << 32              # of the line's pattern, times elements: some seconds
 
 
 class LineBeams:

@@ -22,7 +22,8 @@ from ..impulses import Bell
 
 FINER = 12                         # places of the table over those that resolve the line: a spline errs by 1e-5
 TURNS = 8                          # in which a spectrum of noise is found
-BLOCK = 1 << 21                    # numbers worked on at once
+NOISE_STEP = 1 / 8                 # ν's by which elements move at most between frequencies at which it is found
+BLOCK = 1 << 16                    # numbers worked on at once: they stay in a cache
 OVERSAMPLING = 1.9                 # rows over those that a line resolves
 FADE = 64                          # rows, at both ends together
 ROLL_OFF = 0.03, 0.15              # [cycles a row], of the band: width of the roll-off
@@ -69,8 +70,8 @@ class LineResponse:
         self.spectrum = self.bell.spectrum(nu[self.used]) * self.bell.spectrum(fft.fftfreq(rows.period)[self.taken])
         roll = np.cos(0.5 * np.pi * np.clip((np.abs(nu[self.used]) - band) / skirt, 0, 1)) ** 2
         self._turn, self._fade = -self.middle * stride / rows.period, FADE // stride
-        self._scale, self._weight, self._line = np.abs(weight).sum(), weight, (position, wavenumber)
-        values = fft.fft(self._pattern(weight / self._scale, own) * _taper(own, self._fade), axis=1,
+        self._scale, self._weight, self._position, self._wavenumber = np.abs(weight).sum(), weight, position, wavenumber
+        values = fft.fft(self._pattern(weight / self._scale, wavenumber, own) * _taper(own, self._fade), axis=1,
                          overwrite_x=True)
         self.values = np.ascontiguousarray(values[:, self.used] * (roll / self.spectrum).astype(np.float32))
         self._noise: dict[float, np.ndarray] = {}
@@ -80,7 +81,8 @@ class LineResponse:
 
         Its transform must be Σ|w_n|² e^{-2πi x_n (1 + f/f0) y/λ} / (Σ|w_n|)² for |y| <= `farthest`, and it must be
         positive: alternating projections meet both conditions. Accurate to 0.01 of the level for 32 elements and more,
-        to 0.1 for a few elements, at beams far from each other.
+        to 0.1 for a few elements, at beams far from each other. Found at some frequencies, between which an element's
+        ν hardly moves, and interpolated.
         """
         if farthest not in self._noise:
             self._noise = {farthest: self._projected_noise(farthest)}
@@ -88,7 +90,10 @@ class LineResponse:
 
     def _projected_noise(self, farthest: float) -> np.ndarray:
         rows = replace(self.rows, before=self.rows.period // 2)
-        wanted = self._pattern(np.abs(self._weight / self._scale) ** 2, rows)
+        lowest, highest = self._wavenumber.min(), self._wavenumber.max()
+        moved = np.abs(self._position).max() * (highest - lowest) * rows.step * rows.period
+        places = min(int(np.ceil(moved / NOISE_STEP)) + 1, len(self._wavenumber))
+        wanted = self._pattern(np.abs(self._weight / self._scale) ** 2, np.linspace(lowest, highest, places), rows)
         near = np.abs(rows.numbers) * rows.step <= farthest
         power = np.real(fft.fft(wanted * _taper(rows, self._fade), axis=1))
         for _ in range(TURNS):
@@ -97,21 +102,44 @@ class LineResponse:
             power = np.real(fft.fft(found, axis=1, overwrite_x=True))
         power = np.maximum(power, 0)
         power *= np.real(wanted[:, :1]) / power.mean(axis=1, keepdims=True)
-        return power[:, self.used] / self.spectrum.astype(np.float32)
+        power = power[:, self.used] / self.spectrum.astype(np.float32)
+        place = (self._wavenumber - lowest) * ((places - 1) / max(highest - lowest, 1e-300))
+        before = np.minimum(place.astype(int), max(places - 2, 0))
+        share = (place - before)[:, None].astype(np.float32)
+        return power[before] * (1 - share) + power[np.minimum(before + 1, places - 1)] * share
 
-    def _pattern(self, weight: np.ndarray, rows: ResponseRows) -> np.ndarray:
+    def _pattern(self, weight: np.ndarray, wavenumber: np.ndarray, rows: ResponseRows) -> np.ndarray:
         """Return W_f(m ds) of weights (E,) as they are, turned back, m in order of an FFT: complex64 (F, period)."""
-        (position, wavenumber), number = self._line, rows.numbers
-        farthest = np.abs(wavenumber).max() * rows.step * np.abs(number).max()
-        spacing = 1 / (2 * FINER * max(float(np.abs(position).max()), 1e-9))
-        at = np.linspace(-farthest, farthest, 2 * int(np.ceil(farthest / spacing)) + 9)
-        parts = np.array_split(at, -(-at.size * position.size // BLOCK))
-        pattern = CubicSpline(at, np.concatenate([np.exp(-2j * np.pi * np.multiply.outer(some, position)) @ weight
-                                                  for some in parts]))
+        number, farthest = rows.numbers, np.abs(wavenumber).max() * rows.step * rows.period
+        spacing = 1 / (2 * FINER * max(float(np.abs(self._position).max()), 1e-9))
+        middle = int(np.ceil(farthest / spacing)) + 4
+        a, b, c, d = _splines(_sums(self._position, weight, spacing, middle))
         values = np.empty((len(wavenumber), rows.period), np.complex64)
         for part in np.array_split(np.arange(len(wavenumber)), -(-values.size // BLOCK)):
-            values[part] = pattern(np.multiply.outer(wavenumber[part] * rows.step, number))
+            place = np.multiply.outer(wavenumber[part] * (rows.step / spacing), number) + middle
+            cell = place.astype(np.int32)
+            t = (place - cell).astype(np.float32)
+            values[part] = ((a[cell] * t + b[cell]) * t + c[cell]) * t + d[cell]
         return values * np.exp(2j * np.pi * self._turn * number).astype(np.complex64) if self.middle else values
+
+
+def _sums(position: np.ndarray, weight: np.ndarray, spacing: float, middle: int) -> np.ndarray:
+    """Return Σ_n w_n e^{-2πi x_n u} at u = (i - middle) spacing, i from 0 to 2 middle.
+
+    With i = j L + l, the exponential is a factor of j times one of l.
+    """
+    count = 2 * middle + 1
+    length = int(np.ceil(np.sqrt(count)))
+    turn = -2j * np.pi * spacing * position
+    long = np.exp(np.multiply.outer(length * np.arange(-(-count // length)) - middle, turn)) * weight
+    short = np.exp(np.multiply.outer(np.arange(length), turn))
+    # not a product of BLAS, whose threads wait for each other
+    return np.einsum("jn,ln->jl", long, short).ravel()[:count]
+
+
+def _splines(values: np.ndarray) -> np.ndarray:
+    """Return the coefficients of the cubic spline through values a step apart, complex64 (4, cells)."""
+    return CubicSpline(np.arange(len(values)), values).c.astype(np.complex64)
 
 
 _kept: dict[tuple[object, ...], LineResponse] = {}         # the last ones: images of one sonar share them
