@@ -262,19 +262,20 @@ class Scatterers:
         """Return h of every facet, float32 (F,), see `nested_points`."""
         return self._threshold.numpy()
 
-    def triangles(self, facet: np.ndarray, k: np.ndarray, level: np.ndarray, *, at_rest: bool = False) -> np.ndarray:
-        """Return the corners (K, 3, 3) [m] of the triangles of levels (K,) in which scatterers (K,) of facets lie.
+    def triangles(self, facet: mi.UInt32, k: mi.UInt32, level: mi.UInt32, *,
+                  at_rest: bool = False) -> tuple[mi.Point3f, mi.Point3f, mi.Point3f]:
+        """Return the corners (R,) [m] of the triangles of levels (R,) in which scatterers k (R,) of facets lie.
 
         With `at_rest`, those of moving facets are in the frames of their bodies.
         """
-        corner, (moving, _, resting, _) = self.corners(facet), self._carried
-        if at_rest and len(moving):
-            own = self.moving[facet]
-            corner[own] = resting[np.searchsorted(moving, facet[own])]
-        u, v, side = triangle_of(scrambled(k.astype(np.uint32), self._seed.numpy()[facet]), level)
-        e, f = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
-        first = corner[:, 0] + u[:, None] * e + v[:, None] * f
-        return np.stack([first, first + side[:, None] * e, first + side[:, None] * f], 1)
+        vertices = self._vertices
+        if at_rest and self.geometry.movers:
+            vertices = upload(mi.Float, self.geometry.at_rest(vertices.numpy().reshape(-1, 4)))
+        row = dr.gather(self.lib.Array4u, self._faces, facet)
+        a, b, c = (mi.Point3f(*dr.gather(self.lib.Array4f, vertices, row[i])[:3]) for i in range(3))
+        u, v, side = triangle_of(scrambled(k, dr.gather(mi.UInt32, self._seed, facet)), level)
+        first, e, f = a + u * (b - a) + v * (c - a), side * (b - a), side * (c - a)
+        return first, first + e, first + f
 
     def listed(self, runs: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
                most: int) -> Iterator[tuple[mi.UInt32, mi.UInt32]]:

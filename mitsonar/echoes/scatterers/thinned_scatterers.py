@@ -101,17 +101,8 @@ class ThinnedScatterers:
         self._planned = near[self._facet] if everywhere else None
         first = (np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)).astype(np.uint32)
         level = level[self._facet].astype(np.uint32)
-        corner = facets.triangles(self._facet, first, level, at_rest=True).astype(np.float32)    # (P, 3, 3)
-        centre = corner.mean(1)
-        cross = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
-        twice = np.linalg.norm(cross, axis=1)
-        radius = np.linalg.norm(corner - centre[:, None], axis=-1).max(1)
-        if facets.geometry.sea is not None:
-            radius[facets.at_surface[self._facet]] *= facets.geometry.sea.stretch
-        table = np.zeros((len(centre), 8), np.float32)
-        table[:, :3], table[:, 3] = centre, 0.5 * twice
-        table[:, 4:7], table[:, 7] = cross / np.maximum(twice, 1e-30)[:, None], radius
-        self._table = upload(mi.Float, table)
+        self._table = self._rows_of(first, level)
+        table = self._table.numpy().reshape(-1, 8)
         # for each patch: its facet, the first scatterer, and 2 L
         beyond = np.zeros_like(level) if self._planned is None else ~self._planned
         facts = np.stack([self._facet, first, 2 * level, beyond], 1, dtype=np.uint32)
@@ -123,7 +114,7 @@ class ThinnedScatterers:
             self._groups = PatchGroups(table, threshold, ~facets.moving[self._facet])
         # facets of a whole scene are many more than a ping reaches
         self._block = SMALL_BLOCK if everywhere else BLOCK
-        self._blocks = _balls(centre, radius, self._block)
+        self._blocks = _balls(table[:, :3], table[:, 7], self._block)
         moving = np.flatnonzero(facets.moving[self._facet])
         self._moving = moving, facets.bodies_of(self._facet[moving])
         # centres, normals and areas in the bodies' frames
@@ -134,6 +125,26 @@ class ThinnedScatterers:
             np.arange(b * self._block, min((b + 1) * self._block, len(table))) for b in self._moving_blocks)])
         self._rows, self._row = table[self._beside], np.searchsorted(self._beside, moving)
         facets.geometry.follow(self._moved)
+
+    def _rows_of(self, first: np.ndarray, level: np.ndarray) -> mi.Float:
+        """Return centre, area, normal and radius of the patches at these paths, packed (P, 8)."""
+        if not len(self._facet):
+            return mi.Float()
+        lib, facet = self.lib, upload(mi.UInt32, self._facet)
+        corners = self._facets.triangles(facet, upload(mi.UInt32, first), upload(mi.UInt32, level), at_rest=True)
+        a, b, c = (mi.Vector3f(corner) for corner in corners)
+        centre, cross = (a + b + c) / 3, dr.cross(b - a, c - a)
+        twice = dr.norm(cross)
+        normal = cross / dr.maximum(twice, 1e-30)
+        radius = reduce(dr.maximum, (dr.norm(corner - centre) for corner in (a, b, c)))
+        if self._facets.geometry.sea is not None:
+            at_surface = dr.gather(mi.Bool, upload(mi.Bool, self._facets.at_surface), facet)
+            radius = dr.select(at_surface, radius * dr.opaque(mi.Float, self._facets.geometry.sea.stretch), radius)
+        table, patch = dr.empty(mi.Float, 8 * len(self._facet)), 2 * dr.arange(mi.UInt32, len(self._facet))
+        dr.scatter(table, lib.Array4f(*centre, 0.5 * twice), patch)
+        dr.scatter(table, lib.Array4f(*normal, radius), patch + 1)
+        dr.eval(table)
+        return table
 
     def _moved(self) -> None:
         """Move the patches of moving objects, and the balls of their blocks."""
