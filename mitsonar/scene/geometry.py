@@ -260,7 +260,8 @@ class Geometry:
         self.stands, self.moment = stands, None
         places, rows, turned, meshes = [], [], [], {}
         for body, stand in zip(self.movers, stands):
-            vertices = stand.placed(body.part.rest).astype(np.float32)
+            vertices = (stand.vertices.reshape(-1, 3) if isinstance(stand, SeaStand)
+                        else stand.placed(body.part.rest)).astype(np.float32)
             places.append(vertices)
             if body.copy is not None:
                 meshes.setdefault(body.part.id(), []).append(vertices)

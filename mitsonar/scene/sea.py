@@ -179,8 +179,10 @@ class Sea:
         if self.mirrors:
             return None
         slowness = float(np.mean(1 / profile.at(np.linspace(0, max(-sonar[2], 0.0), 17))))
-        x, y, height = self._x - float(sonar[0]), self._y - float(sonar[1]), float(sonar[2])
-        moved, velocity = self.device.displaced(self._x, self._y, dr.sqrt(x * x + y * y + height**2) * slowness)
+        # opaque, or every ping would compile a kernel of its own
+        x0, y0, z0, per_metre = (dr.opaque(mi.Float64, float(value)) for value in (*sonar, slowness))
+        x, y = self._x - x0, self._y - y0
+        moved, velocity = self.device.displaced(self._x, self._y, dr.sqrt(x * x + y * y + z0 * z0) * per_metre)
         dr.eval(moved, velocity)
         ways, speeds = np.zeros_like(self._rest), np.zeros_like(self._rest)
         for table, values in ((ways, moved), (speeds, velocity)):

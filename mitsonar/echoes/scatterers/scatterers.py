@@ -182,13 +182,11 @@ class Scatterers:
         dr.eval(self._vertices, self._faces, self._registry, self._rows, self._cuts)
         self.radius[self.at_surface] *= geometry.sea.stretch if geometry.sea is not None else 1
         self.moving = np.isin(self.label, [body.label for body in geometry.movers])
-        # facets that move, their bodies' numbers, and their corners and centres in the bodies' own frames
-        facet = np.flatnonzero(self.moving).astype(np.uint32)
-        body = geometry.body_numbers(self._on_host[1][facet, 0])
-        self._carried = facet, body, self.corners(facet), self.centre[facet]
+        self._moving = facet = np.flatnonzero(self.moving).astype(np.uint32)
         self._parts = None
         if any(one.number != one.label for one in geometry.movers):
             parts = self.label.copy()
+            body = geometry.body_numbers(self._on_host[1][facet, 0])
             parts[facet] = np.array([one.number for one in geometry.movers], np.uint32)[body]
             self._parts = upload(mi.UInt32, parts)
         geometry.follow(self._moved)
@@ -200,13 +198,8 @@ class Scatterers:
         self._vertices = geometry.with_moved(self._vertices, geometry.moved_places)
         if self._normals is not None:
             self._normals = geometry.with_moved(self._normals, geometry.moved_normals)
-        facet, body, _, centre = self._carried
-        self.centre[facet] = geometry.carried(body, centre)
-
-    def bodies_of(self, facet: np.ndarray) -> np.ndarray:
-        """Return the numbers in `Geometry.movers` of facets (N,) that move."""
-        moving, body, *_ = self._carried
-        return body[np.searchsorted(moving, facet)]
+        a, b, c, _ = self.device_corners(upload(mi.UInt32, self._moving))
+        self.centre[self._moving] = np.stack([axis.numpy() for axis in mi.Point3f((a + b + c) / 3)], 1)
 
     def _measured(self, facets: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return longest sides (F,), centres (F, 3) and radii (F,) of all facets [m]."""
@@ -262,17 +255,10 @@ class Scatterers:
         """Return h of every facet, float32 (F,), see `nested_points`."""
         return self._threshold.numpy()
 
-    def triangles(self, facet: mi.UInt32, k: mi.UInt32, level: mi.UInt32, *,
-                  at_rest: bool = False) -> tuple[mi.Point3f, mi.Point3f, mi.Point3f]:
-        """Return the corners (R,) [m] of the triangles of levels (R,) in which scatterers k (R,) of facets lie.
-
-        With `at_rest`, those of moving facets are in the frames of their bodies.
-        """
-        vertices = self._vertices
-        if at_rest and self.geometry.movers:
-            vertices = upload(mi.Float, self.geometry.at_rest(vertices.numpy().reshape(-1, 4)))
-        row = dr.gather(self.lib.Array4u, self._faces, facet)
-        a, b, c = (mi.Point3f(*dr.gather(self.lib.Array4f, vertices, row[i])[:3]) for i in range(3))
+    def triangles(self, facet: mi.UInt32, k: mi.UInt32,
+                  level: mi.UInt32) -> tuple[mi.Point3f, mi.Point3f, mi.Point3f]:
+        """Return the corners (R,) [m] of the triangles of levels (R,) in which scatterers k (R,) of facets lie."""
+        a, b, c = (mi.Point3f(corner) for corner in self.device_corners(facet)[:3])
         u, v, side = triangle_of(scrambled(k, dr.gather(mi.UInt32, self._seed, facet)), level)
         first, e, f = a + u * (b - a) + v * (c - a), side * (b - a), side * (c - a)
         return first, first + e, first + f

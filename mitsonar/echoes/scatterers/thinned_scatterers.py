@@ -101,13 +101,12 @@ class ThinnedScatterers:
         self._planned = near[self._facet] if everywhere else None
         first = (np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)).astype(np.uint32)
         level = level[self._facet].astype(np.uint32)
-        self._table = self._rows_of(first, level)
-        table = self._table.numpy().reshape(-1, 8)
         # for each patch: its facet, the first scatterer, and 2 L
         beyond = np.zeros_like(level) if self._planned is None else ~self._planned
         facts = np.stack([self._facet, first, 2 * level, beyond], 1, dtype=np.uint32)
         self._patches = upload(mi.UInt32, facts)
-        dr.eval(self._table, self._patches)
+        self._table = self._rows_of(dr.arange(mi.UInt32, len(facts)))
+        table = self._table.numpy().reshape(-1, 8)
         self._groups: PatchGroups | None = None
         if len(table) >= FEWEST and not everywhere:
             threshold = self._threshold(dr.arange(mi.UInt32, len(table))).numpy()
@@ -115,10 +114,7 @@ class ThinnedScatterers:
         # facets of a whole scene are many more than a ping reaches
         self._block = SMALL_BLOCK if everywhere else BLOCK
         self._blocks = _balls(table[:, :3], table[:, 7], self._block)
-        moving = np.flatnonzero(facets.moving[self._facet])
-        self._moving = moving, facets.bodies_of(self._facet[moving])
-        # centres, normals and areas in the bodies' frames
-        self._at_rest = table[moving, :3], table[moving, 4:7], table[moving, 3]
+        self._moving = moving = np.flatnonzero(facets.moving[self._facet]).astype(np.uint32)
         # blocks that hold moving patches, with all of their patches
         self._moving_blocks = np.unique(moving // self._block)
         self._beside = np.concatenate([np.zeros(0, int), *(
@@ -126,39 +122,29 @@ class ThinnedScatterers:
         self._rows, self._row = table[self._beside], np.searchsorted(self._beside, moving)
         facets.geometry.follow(self._moved)
 
-    def _rows_of(self, first: np.ndarray, level: np.ndarray) -> mi.Float:
-        """Return centre, area, normal and radius of the patches at these paths, packed (P, 8)."""
-        if not len(self._facet):
+    def _rows_of(self, patch: mi.UInt32) -> mi.Float:
+        """Return centre, area, normal and radius of patches as they stand, packed (N, 8)."""
+        if not dr.width(patch):
             return mi.Float()
-        lib, facet = self.lib, upload(mi.UInt32, self._facet)
-        corners = self._facets.triangles(facet, upload(mi.UInt32, first), upload(mi.UInt32, level), at_rest=True)
-        a, b, c = (mi.Vector3f(corner) for corner in corners)
+        lib = self.lib
+        facet, first, twice_level, _ = dr.gather(lib.Array4u, self._patches, patch)
+        a, b, c = (mi.Vector3f(corner) for corner in self._facets.triangles(facet, first, twice_level >> 1))
         centre, cross = (a + b + c) / 3, dr.cross(b - a, c - a)
         twice = dr.norm(cross)
         normal = cross / dr.maximum(twice, 1e-30)
         radius = reduce(dr.maximum, (dr.norm(corner - centre) for corner in (a, b, c)))
-        if self._facets.geometry.sea is not None:
-            at_surface = dr.gather(mi.Bool, upload(mi.Bool, self._facets.at_surface), facet)
-            radius = dr.select(at_surface, radius * dr.opaque(mi.Float, self._facets.geometry.sea.stretch), radius)
-        table, patch = dr.empty(mi.Float, 8 * len(self._facet)), 2 * dr.arange(mi.UInt32, len(self._facet))
-        dr.scatter(table, lib.Array4f(*centre, 0.5 * twice), patch)
-        dr.scatter(table, lib.Array4f(*normal, radius), patch + 1)
-        dr.eval(table)
-        return table
+        rows, half = dr.empty(mi.Float, 8 * dr.width(patch)), 2 * dr.arange(mi.UInt32, dr.width(patch))
+        dr.scatter(rows, lib.Array4f(*centre, 0.5 * twice), half)
+        dr.scatter(rows, lib.Array4f(*normal, radius), half + 1)
+        dr.eval(rows)
+        return rows
 
     def _moved(self) -> None:
-        """Move the patches of moving objects, and the balls of their blocks."""
-        patch, body = self._moving
-        if not len(patch):
+        """Measure the patches of moving objects anew, and the balls of their blocks."""
+        if not len(self._moving):
             return
-        geometry, rows, (centre, normal, area) = self._facets.geometry, self._rows[self._row], self._at_rest
-        rows[:, :3] = geometry.carried(body, centre)
-        normal = geometry.carried(body, centre, normal)
-        if geometry.sea is not None:                                   # whose facets grow and shrink
-            growth = np.linalg.norm(normal, axis=1)
-            rows[:, 3], normal = growth * area, normal / np.maximum(growth, 1e-9)[:, None]
-        rows[:, 4:7] = normal
-        self._table = scattered_rows(self._table, patch, rows, 8)
+        rows = self._rows_of(upload(mi.UInt32, self._moving)).numpy().reshape(-1, 8)
+        self._table = scattered_rows(self._table, self._moving, rows, 8)
         self._rows[self._row] = rows
         centre, radius = self._blocks
         # the blocks are taken whole and in order, so that only the last one may have fewer patches
