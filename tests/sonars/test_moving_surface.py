@@ -66,6 +66,20 @@ def test_points_of_the_level_surface_come_to_lie_on_facets(variant):
     np.testing.assert_allclose(growth, area_of(moved[chosen]) / area_of(shape.rest[chosen]), rtol=5e-5)
 
 
+def test_the_surface_stands_at_every_ping_by_the_same_kernel(variant):
+    import drjit as dr
+
+    sea, _ = sea_of(variant)
+    hashes = []
+    for number in range(3):
+        with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
+            dr.kernel_history_clear()
+            sea.stand(2.0 + number, np.array([0.3 * number, 0.1, -5.0 - number]),
+                      SoundSpeedProfile.constant(1500.0 + number))
+            hashes.append({entry["hash"] for entry in dr.kernel_history([dr.KernelType.JIT])})
+    assert hashes[0] and hashes[0] == hashes[1] == hashes[2]
+
+
 def area_of(corners):
     return 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
 
