@@ -12,7 +12,7 @@ b T + t is bin t of beam b.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import drjit as dr
 import mitsuba as mi
@@ -34,6 +34,7 @@ PER_BEAM = 8                       # entries per beam of the table that finds be
 FEWER_SECTORS = SECTORS // 64      # sectors joined to one here, since scatterers are too few for more
 IN_LOBE = SECTORS // FEWER_SECTORS # flag of a word above its sector
 CELL = 1                           # bins and beams to either side in which scatterers are counted
+ROWS = 8                           # beams whose shares are computed together: they stay in a core's cache
 HARDLY = 1e-6                      # share of the strongest bin's energy below which a bin has no place on the bed
 
 
@@ -214,6 +215,11 @@ class _TruthPlane:
         return (slice(self.first_beam, self.first_beam + self.energy.shape[0]),
                 slice(self.first_bin, self.first_bin + self.energy.shape[1]))
 
+    def among(self, first: int, end: int) -> _TruthPlane:
+        """Return the part of the box within beams, which are counted from the first of these."""
+        low, high = (min(max(beam - self.first_beam, 0), len(self.energy)) for beam in (first, end))
+        return replace(self, first_beam=self.first_beam + low - first, energy=self.energy[low:high])
+
 
 @dataclass(frozen=True, kw_only=True)
 class _TruthGround:
@@ -248,28 +254,21 @@ class FrameTruth:
         ground = self._nothing(shape) if scatterers is None else self._ground(
             scatterers, hidden, in_lobe, origin, depth_below, farthest)
         planes = [*ground.seabed, *ground.objects, *self._of_targets(targets)]
-        total, best, label = np.zeros(shape, np.float32), np.zeros(shape, np.float32), np.zeros(shape, np.uint32)
-        by_label = {}
-        for plane in planes:
-            total[plane.where] += plane.energy
-            by_label.setdefault(plane.label, []).append(plane)
+        total, hidden_share = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
+        label, object_shadow = np.zeros(shape, np.uint32), np.zeros(shape, np.uint32)
         share = np.zeros((shape[0], self._labels, shape[1]), np.float32)
-        per_total = np.reciprocal(total, out=np.zeros(shape, np.float32), where=total > 0)
-        for number, of_instance in by_label.items():
-            for plane in of_instance:
-                beams, bins = plane.where
-                part = plane.energy * per_total[plane.where]
-                share[beams, number - 1, bins] += part
-                part = share[beams, number - 1, bins]
-                more = part > best[plane.where]
-                label[plane.where] = np.where(more, np.uint32(number), label[plane.where])
-                best[plane.where] = np.maximum(best[plane.where], part)
-        dark, object_shadow = self._shadows(ground, total)
+        for first in range(0, shape[0], ROWS):
+            rows = slice(first, first + ROWS)
+            there, seabed, lost = ([part for plane in group if len((part := plane.among(first, first + ROWS)).energy)]
+                                   for group in (planes, ground.seabed, ground.lost))
+            _share_out(there, total[rows], share[rows], label[rows])
+            if lost:
+                _shade(seabed, lost, total[rows], hidden_share[rows], object_shadow[rows])
         return EnergyRecord(
             intensity=total * np.float32(source_power), depth=ground.depth, rays=ground.rays,
             rays_in_beam=ground.rays_in_beam,
-            truth=BinTruth(label=label, share=share, hidden=dark, object_shadow=object_shadow, layover=ground.layover,
-                           seabed_place=ground.place))
+            truth=BinTruth(label=label, share=share, hidden=hidden_share, object_shadow=object_shadow,
+                           layover=ground.layover, seabed_place=ground.place))
 
     def _nothing(self, shape: tuple[int, int]) -> _TruthGround:
         """Return the sums of a frame without scatterers."""
@@ -346,24 +345,35 @@ class FrameTruth:
             label, cell = np.divmod(number, self._bins.cells)
             yield from self._planes(cell, power, label)
 
-    def _shadows(self, ground: _TruthGround, total: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the share of the seabed's echo that objects hide, and the objects of shadows; see `imaging.truth`."""
-        hidden, shadow = np.zeros(total.shape, np.float32), np.zeros(total.shape, np.uint32)
-        if not ground.lost:
-            return hidden, shadow
-        lost, most = np.zeros(total.shape, np.float32), np.zeros(total.shape, np.float32)
-        for plane in ground.lost:
-            lost[plane.where] += plane.energy
-            more = plane.energy > most[plane.where]
-            shadow[plane.where] = np.where(more, plane.label, shadow[plane.where])
-            most[plane.where] = np.maximum(most[plane.where], plane.energy)
-        bins = np.flatnonzero(lost)
-        bed = lost.copy()
-        for plane in ground.seabed:
-            bed[plane.where] += plane.energy
-        bed, taken = bed.ravel()[bins], lost.ravel()[bins]
-        share = taken / bed
-        hidden.ravel()[bins] = share
-        dark = (share > HALF) & (total.ravel()[bins] < HALF * bed)
-        shadow.ravel()[bins[~dark]] = 0
-        return hidden, shadow
+
+def _share_out(planes: Sequence[_TruthPlane], total: np.ndarray, share: np.ndarray, label: np.ndarray) -> None:
+    """Write the total energy of planes, the share of every instance in it, and the instance with the most."""
+    # total, label (b, T); share (b, L, T)
+    best, by_label = np.zeros_like(total), {}
+    for plane in planes:
+        total[plane.where] += plane.energy
+        by_label.setdefault(plane.label, []).append(plane)
+    per_total = np.reciprocal(total, out=np.zeros_like(total), where=total > 0)
+    for number, of_instance in by_label.items():
+        for plane in of_instance:
+            beams, bins = plane.where
+            part = share[beams, number - 1, bins]
+            part += plane.energy * per_total[plane.where]
+            label[plane.where] = np.where(part > best[plane.where], np.uint32(number), label[plane.where])
+            best[plane.where] = np.maximum(best[plane.where], part)
+
+
+def _shade(seabed: Sequence[_TruthPlane], lost: Sequence[_TruthPlane], total: np.ndarray, hidden: np.ndarray,
+           shadow: np.ndarray) -> None:
+    """Write the share of the seabed's echo that objects hide, and the objects of shadows; see `imaging.truth`."""
+    # total, hidden, shadow (b, T)
+    taken, most = np.zeros_like(total), np.zeros_like(total)
+    for plane in lost:
+        taken[plane.where] += plane.energy
+        shadow[plane.where] = np.where(plane.energy > most[plane.where], plane.label, shadow[plane.where])
+        most[plane.where] = np.maximum(most[plane.where], plane.energy)
+    bed = taken.copy()
+    for plane in seabed:
+        bed[plane.where] += plane.energy
+    np.divide(taken, bed, out=hidden, where=taken > 0)
+    shadow[(hidden <= HALF) | (total >= HALF * bed)] = 0
