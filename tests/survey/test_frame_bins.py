@@ -60,7 +60,8 @@ def test_all_that_a_bin_holds_is_that_of_a_plain_count(variant, lobe):
     word = word_of(echoes, mi.Bool(in_lobe), 5.0, 60.0)
     counts, numbers = CellCounts(frame.cells, lobe=True), word.numpy()
     assert ((numbers >= IN_LOBE) == in_lobe).all() and len(set(numbers)) == 10
-    sums = frame.sums(echoes, upload(mi.UInt32, beam * bins + bin), upload(mi.UInt32, beam), mi.Bool(active), word, counts)
+    cells = upload(mi.UInt32, beam * bins + bin), upload(mi.UInt32, beam)
+    sums = frame.sums(echoes, *cells, mi.Bool(active), word, counts)
     expected = np.zeros((beams, bins, 4))
     np.add.at(expected, (beam[active], bin[active]), (columns[0] * [np.ones(count), *columns[1:]]).T[active])
     np.testing.assert_allclose(sums.numpy().reshape(expected.shape), expected, rtol=1e-5)

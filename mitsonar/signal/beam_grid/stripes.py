@@ -1,13 +1,15 @@
 """Echoes in stripes of rows, each summed by one thread: bit-identical sums without atomic operations.
 
-Echoes are put in order of their stripe by a stable sort of these small numbers (`ordered`). A stripe belongs to one
-work block of Dr.Jit's LLVM backend, which is 16384 lanes whenever a launch has more than two blocks a thread; idle
-blocks make sure that it has (`add_by_stripes`). So no two threads add to the same row, and the order of additions,
+Echoes are put in order of their stripe by a stable sort of these small numbers (`sorted_by_stripe`). A stripe belongs
+to one work block of Dr.Jit's LLVM backend, which is 16384 lanes whenever a launch has more than two blocks a thread;
+idle blocks make sure that it has (`add_by_stripes`). So no two threads add to the same row, and the order of additions,
 hence every bit of the result, depends on the echoes alone.
 
 Sums of four numbers an echo in cells of a table (row, column), on the device, the same in every bit on the CPU.
 
     S[r, c] = Σ (a, b, c, d) of the echoes of the cell                                         one packet an echo
+
+Whole numbers of cells, such as counts, are added in the same pass: the cell is in the cache, and any order will do.
 """
 from __future__ import annotations
 

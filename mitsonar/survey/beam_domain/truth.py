@@ -133,13 +133,12 @@ class FrameBins:
         dr.eval(counts.sectors, counts.echoes)
         lib, index = arrays_of(mi.Float), dr.arange(mi.UInt32, self.cells)
         row, column = divided(lib, index, self.bins)
-        bins, (last_row, last) = dr.opaque(mi.UInt32, self.bins), (
-            dr.opaque(mi.UInt32, n - 1) for n in (self.beams, self.bins))
+        bins, last_row, last = (dr.opaque(mi.UInt32, n) for n in (self.bins, self.beams - 1, self.bins - 1))
         # a bin counts the sectors of its neighbours, too: its own few scatterers may miss a sector
-        seen = mi.UInt64(counts.sectors)
+        seen = counts.sectors
         for beside, there in ((index - 1, column > 0), (index + 1, column < last), (index - bins, row > 0),
                               (index + bins, row < last_row)):
-            seen |= dr.gather(mi.UInt64, counts.sectors, beside, there)
+            seen = seen | dr.gather(mi.UInt64, counts.sectors, beside, there)
         # a single sector between others lacks an echo by chance
         seen = seen | (seen << 1) & (seen >> 1)
         runs = dr.select(counts.echoes[0] > 0, mi.UInt32(dr.popcnt(seen & ~(seen << 1))), 0)
