@@ -263,9 +263,9 @@ class FrameTruth:
             _share_out(there, total[rows], share[rows], label[rows])
             if lost:
                 _shade(seabed, lost, total[rows], hidden_share[rows], object_shadow[rows])
+            total[rows] *= np.float32(source_power)
         return EnergyRecord(
-            intensity=total * np.float32(source_power), depth=ground.depth, rays=ground.rays,
-            rays_in_beam=ground.rays_in_beam,
+            intensity=total, depth=ground.depth, rays=ground.rays, rays_in_beam=ground.rays_in_beam,
             truth=BinTruth(label=label, share=share, hidden=hidden_share, object_shadow=object_shadow,
                            layover=ground.layover, seabed_place=ground.place))
 
