@@ -98,7 +98,7 @@ class FrameBins:
         mean = self._mean(own, HARDLY * most, origin)
         depth = mean[2]
         if others is not None:
-            there = sum(dr.gather(lib.Array4f, table, cell)[0] for table in (sums, others))
+            there = dr.gather(lib.Array4f, sums, cell)[0] + dr.gather(lib.Array4f, others, cell)[0]
             both = [part + other for part, other in zip(own, around(others))]
             depth = self._mean(both, HARDLY * max(most, float(dr.max(there)[0])), np.zeros(3))[2]
         # a row of four is written as one packet
