@@ -39,6 +39,9 @@ def main(argv=None):
         frames = made(beams=beams, **parameters)
         rows = [["a frame", *seconds(lambda: frames.frame(0, 1), arguments.rounds)]]
         rows += staged(frames, arguments.rounds)
+        whole, hiding, truth = ([float(value) for value in row[1:]] for row in (rows[0], rows[2], rows[-1]))
+        rows.append(["truth and who hides, over the frame",
+                     *(f"{(a + b) / c:.2f}" for a, b, c in zip(hiding, truth, whole))])
         measuring.table([f"{beams} beams, {parameters['range']} m", "CPU [ms]", "wall [ms]"], rows)
         print()
     if arguments.memory:

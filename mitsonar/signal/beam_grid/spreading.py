@@ -23,7 +23,7 @@ from mitsonar.device.types import Array4f, Bool, DrJitArray, Float, UInt32
 
 from ..impulses import Bell, tap_weights
 from .absorption import AbsorptionTerms
-from .stripes import STRIPE, add_by_stripes, ordered
+from .stripes import STRIPE, add_by_stripes, sorted_by_stripe
 
 PACKET = 4                         # complex numbers that are added at once
 MOST_NUMBERS = 1 << 32             # in an array of Dr.Jit
@@ -63,37 +63,19 @@ class GridSums:
                 self._spread(fields, inside)
                 dr.eval(self.sums)
                 return
-            fields = [field + dr.zeros(lib.Float, count) if dr.width(field) < count else field for field in fields]
-            packed, starts = self._sorted(count, fields, inside)
+            stripe = lib.UInt32(held(fields[0], 0, self.ends["rows"] - 1)) // STRIPE
+            echoes, starts = sorted_by_stripe(dr.select(inside, stripe, self.whole["nowhere"]), self.stripes, fields)
             for first in (0, 1):
-                self._add_stripes(packed, starts, np.arange(first, self.stripes, 2))
+                # of stripes of which no two share a row
+                add_by_stripes(lib, starts, np.arange(first, self.stripes, 2), lambda place: self._spread(
+                    cast(Sequence[Any], dr.gather(lib.Array4f, echoes, place)), lib.Bool(True)))
+                dr.eval(self.sums)
 
     def _inside(self, row: Float, column: Float, real: Float, imaginary: Float) -> Bool:
         """Return whether echoes lie on the grid; comparisons with NaN are false."""
         inside = (row >= 1) & (row < self.ends["rows"] - 2)
         inside &= (column >= 1) & (column < self.ends["columns"] - 2)
         return inside & (abs(real) < dr.inf) & (abs(imaginary) < dr.inf) & ((real != 0) | (imaginary != 0))
-
-    # -- who adds where ------------------------------------------------------------------------------------------
-
-    def _sorted(self, count: int, fields: list[Float], inside: Bool) -> tuple[Float, np.ndarray]:
-        """Put echoes in order of their stripes: packed fields (4 H,), and where each stripe begins (stripes + 2,)."""
-        lib = self.lib
-        stripe = lib.UInt32(held(fields[0], 0, self.ends["rows"] - 1)) // STRIPE
-        dr.eval(fields)
-        order, starts = ordered(dr.select(inside, stripe, self.whole["nowhere"]), self.stripes)
-        packed = dr.empty(lib.Float, 4 * count)
-        dr.scatter(packed, lib.Array4f(*(dr.gather(lib.Float, field, order) for field in fields)),
-                   dr.arange(lib.UInt32, count))
-        dr.eval(packed)
-        return packed, starts
-
-    def _add_stripes(self, packed: Float, starts: np.ndarray, mine: np.ndarray) -> None:
-        """Add the echoes of stripes of which no two share a row."""
-        lib = self.lib
-        add_by_stripes(lib, starts, mine, lambda echo: self._spread(
-            cast(Sequence[Any], dr.gather(lib.Array4f, packed, echo)), lib.Bool(True)))
-        dr.eval(self.sums)
 
     # -- one echo ------------------------------------------------------------------------------------------------
 

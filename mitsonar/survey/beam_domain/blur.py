@@ -20,7 +20,7 @@ BLOCK = 1 << 21                    # numbers computed at once
 HALF_POWER = 0.5
 REACH = 3                          # bins to either side that the compressed pulse reaches
 LEAST = np.finfo(np.float32).tiny  # smaller numbers have no inverse in 32 bits
-ROWS = 32                          # beams whose bins are summed together: they stay in a core's cache
+ROWS = 16                          # beams whose bins are summed together: they stay in a core's cache
 
 
 class Blur:
@@ -54,13 +54,13 @@ class Blur:
         beams, bins = energy.shape
         mix = self._mix[first_beam:first_beam + beams, first_beam:first_beam + beams]
         mixed = mix @ np.ascontiguousarray(energy, np.float32)
-        shown = np.zeros_like(mixed)
+        shown = np.empty_like(mixed)
         for first in range(0, beams, ROWS):
-            rows = slice(first, first + ROWS)
-            wide = np.pad(mixed[rows], ((0, 0), (REACH, REACH)))
-            for k, weight in enumerate(self._spread):
-                shown[rows] += weight * wide[:, k:k + bins]
-        shown[shown < LEAST] = 0
+            wide, block = np.pad(mixed[first:first + ROWS], ((0, 0), (REACH, REACH))), shown[first:first + ROWS]
+            np.multiply(wide[:, :bins], self._spread[0], out=block)
+            for k, weight in enumerate(self._spread[1:], 1):
+                block += weight * wide[:, k:k + bins]
+            block[block < LEAST] = 0
         return shown
 
 

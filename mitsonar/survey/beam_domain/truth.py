@@ -12,14 +12,13 @@ b T + t is bin t of beam b.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mitsonar.device.arrays import arrays_of, compressed, held, upload
-from mitsonar.echoes.sums.energy_sums import sum_size
+from mitsonar.device.arrays import arrays_of, compressed, entries, held, upload
 from mitsonar.echoes.sums.origin_sums import SECTORS, sector
 from mitsonar.imaging.energy_record import EnergyRecord, powers
 from mitsonar.imaging.truth import HALF, BinTruth
@@ -33,8 +32,9 @@ from .ping_echoes import GridEchoes, TargetEchoes
 
 PER_BEAM = 8                       # entries per beam of the table that finds beams
 FEWER_SECTORS = SECTORS // 64      # sectors joined to one here, since scatterers are too few for more
-LAST = (1 << 32) - 1               # a step back, in whole numbers without a sign
+IN_LOBE = SECTORS // FEWER_SECTORS # flag of a word above its sector
 CELL = 1                           # bins and beams to either side in which scatterers are counted
+ROWS = 8                           # beams whose shares are computed together: they stay in a core's cache
 HARDLY = 1e-6                      # share of the strongest bin's energy below which a bin has no place on the bed
 
 
@@ -59,8 +59,8 @@ class FrameBins:
         """Return the number of bins of all beams."""
         return self.beams * self.bins
 
-    def cell_of(self, echoes: GridEchoes) -> tuple[mi.UInt32, mi.Bool]:
-        """Return the cells of echoes, and True for echoes with energy inside the image; both are evaluated."""
+    def cell_of(self, echoes: GridEchoes) -> tuple[mi.UInt32, mi.UInt32, mi.Bool]:
+        """Return the cells and beams of echoes, and True for echoes with energy inside the image."""
         first, last, per_sine = self._ends
         sine = held(echoes.sine, first, last)
         beam = _beam(self._table, self._edges, mi.UInt32(held((sine - first) * per_sine, 0.0, self._places)), sine)
@@ -70,103 +70,122 @@ class FrameBins:
         inside = (echoes.sine >= first) & (echoes.sine < last) & (bin >= 0) & (
             bin < dr.opaque(mi.Float, self.bins)) & (echoes.energy > 0)
         cell = beam * dr.opaque(mi.UInt32, self.bins) + mi.UInt32(dr.select(inside, bin, 0))
-        dr.eval(cell, inside)
-        return cell, inside
+        return cell, beam, inside
 
-    def sums(self, cell: mi.UInt32, active: mi.Bool, *columns: mi.Float) -> mi.Float:
+    def sums(self, echoes: GridEchoes, cell: mi.UInt32, beam: mi.UInt32, active: mi.Bool, word: mi.UInt32,
+             counts: CellCounts) -> mi.Float:
         """Return the sums over each cell of an energy, and of the energy times x, y and depth, Float (4 B T,)."""
-        energy, *place = columns
-        return cell_sums(cell, active, [energy, *(energy * axis for axis in place)], rows=self.beams, columns=self.bins)
+        energy, place = echoes.energy, (echoes.x, echoes.y, echoes.depth)
+        return cell_sums(cell, beam, active, [energy, *(energy * axis for axis in place)], rows=self.beams,
+                         columns=self.bins, word=word, count=counts.add)
 
-    def ground(self, sums: mi.Float, origin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the energies and mean places of `sums`."""
-        # origin (3,) [m] -> energy (B, T), place (B, T, 3) [m]
-        total, mean = self._means([sums], origin)
-        # a row of four is written as one packet; the fourth number is unused
+    def ground(self, sums: mi.Float, others: mi.Float | None, cell: mi.UInt32,
+               origin: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the energies and mean places of `sums`, and the mean depths with the sums of other echoes added."""
+        # cell (R,) of the others; origin (3,) [m] -> energy (B, T), place (B, T, 3) [m], depth (B, T) [m]
+        lib, index = arrays_of(mi.Float), dr.arange(mi.UInt32, self.cells)
+        _, column = divided(lib, index, self.bins)
+        last = dr.opaque(mi.UInt32, self.bins - 1)
+
+        def around(table: mi.Float) -> list[dr.ArrayBase]:
+            return [dr.gather(lib.Array4f, table, index), dr.gather(lib.Array4f, table, index - 1, column > 0),
+                    dr.gather(lib.Array4f, table, index + 1, column < last)]
+
+        own = around(sums)
+        energy = own[0][0]
+        dr.eval(energy)
+        most = float(dr.max(energy)[0])
+        mean = self._mean(own, HARDLY * most, origin)
+        depth = mean[2]
+        if others is not None:
+            there = dr.gather(lib.Array4f, sums, cell)[0] + dr.gather(lib.Array4f, others, cell)[0]
+            both = [part + other for part, other in zip(own, around(others))]
+            depth = self._mean(both, HARDLY * max(most, float(dr.max(there)[0])), np.zeros(3))[2]
+        # a row of four is written as one packet
         place = dr.empty(mi.Float, 4 * self.cells)
-        dr.scatter(place, arrays_of(mi.Float).Array4f(*mean, 0), dr.arange(mi.UInt32, self.cells))
+        dr.scatter(place, lib.Array4f(*mean, depth), index)
         dr.eval(place)
-        return self._shaped(total), place.numpy().reshape(self.beams, self.bins, 4)[..., :3]
-
-    def mean_depth(self, *sums: mi.Float) -> np.ndarray:
-        """Return the mean depths of all `sums` together, (B, T) [m]."""
-        return self._shaped(self._means(sums, np.zeros(3))[1][2])
+        place = place.numpy().reshape(self.beams, self.bins, 4)
+        return self._shaped(energy), place[..., :3], place[..., 3]
 
     def _shaped(self, values: mi.Float | mi.UInt32) -> np.ndarray:
         """Return values of cells on the host, (B, T)."""
         return values.numpy().reshape(self.beams, self.bins)
 
-    def _means(self, sums: Sequence[mi.Float], origin: np.ndarray) -> tuple[mi.Float, list[mi.Float]]:
-        """Return the energies of all `sums`, evaluated, and the means of x, y and depth; see `ground`."""
-        lib, index = arrays_of(mi.Float), dr.arange(mi.UInt32, self.cells)
-
-        def of(cell: mi.UInt32, active: mi.Bool) -> dr.ArrayBase:
-            return sum((dr.gather(lib.Array4f, part, cell, active) for part in sums[1:]),
-                       dr.gather(lib.Array4f, sums[0], cell, active))
-
-        own = of(index, mi.Bool(True))
-        total = own[0]
-        dr.eval(total)
-        least = dr.opaque(mi.Float, HARDLY * float(dr.max(total)[0]))
+    def _mean(self, sums: Sequence[dr.ArrayBase], least: float, origin: np.ndarray) -> list[mi.Float]:
+        """Return the means of x, y and depth in cells with more energy than `least`."""
+        # sums of the cells themselves, before and after
+        own, before, after = sums
+        enough = dr.opaque(mi.Float, least)
         # a bin that has no scatterer by chance takes the places of its neighbours
-        empty, (_, column) = ~(total > least), divided(lib, index, self.bins)
-        last = dr.opaque(mi.UInt32, self.bins - 1)
-        near = own + of(index - 1, empty & (column > 0)) + of(index + 1, empty & (column < last))
-        has_bed = near[0] > least
+        empty = ~(own[0] > enough)
+        near = own + dr.select(empty, before, 0) + dr.select(empty, after, 0)
+        has_bed = near[0] > enough
         per_energy = dr.rcp(dr.select(has_bed, near[0], 1))
-        return total, [dr.select(has_bed, dr.fma(moment, per_energy, dr.opaque(mi.Float, float(zero))), dr.nan)
-                       for moment, zero in zip((near[1], near[2], near[3]), (origin[0], origin[1], 0.0))]
+        return [dr.select(has_bed, dr.fma(moment, per_energy, dr.opaque(mi.Float, float(zero))), dr.nan)
+                for moment, zero in zip((near[1], near[2], near[3]), (origin[0], origin[1], 0.0))]
 
-    def counted(self, echoes: GridEchoes, cell: mi.UInt32, active: mi.Bool, in_lobe: mi.Bool | None,
-                depth_below: float, farthest: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def counted(self, counts: CellCounts) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the number of separate runs of sectors in every bin (B, T), and of echoes in and around it (B, T).
 
         The last array counts the echoes of the main lobe alone, those of all beams within the width of a beam.
         """
-        number = sector(echoes.launch_sine, dr.opaque(mi.Float, depth_below), dr.opaque(mi.Float, farthest))
-        mask = dr.zeros(mi.UInt64, sum_size(self.cells))
-        # the sums are too large for copies of each thread
-        direct = dr.ReduceMode.Direct
-        dr.scatter_reduce(dr.ReduceOp.Or, mask, mi.UInt64(1) << mi.UInt64(number // FEWER_SECTORS), cell, active,
-                          direct)
-        # of all echoes, and of those in the main lobe
-        each = [mi.UInt32(1)] if in_lobe is None else [mi.UInt32(1), mi.UInt32(in_lobe)]
-        counts = [dr.zeros(mi.UInt32, sum_size(self.cells)) for _ in each]
-        for count, one in zip(counts, each):
-            dr.scatter_add(count, one, cell, active, direct)
-        dr.eval(mask, counts)
+        dr.eval(counts.sectors, counts.echoes)
         lib, index = arrays_of(mi.Float), dr.arange(mi.UInt32, self.cells)
         row, column = divided(lib, index, self.bins)
-        bins, beams = (dr.opaque(mi.UInt32, n) for n in (self.bins, self.beams))
-        around, seen = [mi.UInt32(0) for _ in counts], mi.UInt64(0)
-        for down in range(-CELL, CELL + 1):
-            for along in range(-CELL, CELL + 1):
-                # before the first row or column these are large numbers
-                there = (row + mi.UInt32(down & LAST) < beams) & (column + mi.UInt32(along & LAST) < bins)
-                beside = index + mi.UInt32(down & LAST) * bins + mi.UInt32(along & LAST)
-                around = [total + dr.gather(mi.UInt32, count, beside, there) for total, count in zip(around, counts)]
-                # a bin counts the sectors of its neighbours, too: its own few scatterers may miss a sector
-                if abs(down) + abs(along) <= CELL:
-                    seen |= dr.gather(mi.UInt64, mask, beside, there)
+        bins, last_row, last = (dr.opaque(mi.UInt32, n) for n in (self.bins, self.beams - 1, self.bins - 1))
+        # a bin counts the sectors of its neighbours, too: its own few scatterers may miss a sector
+        seen = counts.sectors
+        for beside, there in ((index - 1, column > 0), (index + 1, column < last), (index - bins, row > 0),
+                              (index + bins, row < last_row)):
+            seen = seen | dr.gather(mi.UInt64, counts.sectors, beside, there)
         # a single sector between others lacks an echo by chance
         seen = seen | (seen << 1) & (seen >> 1)
-        own = [dr.gather(mi.UInt32, count, index) for count in counts]
-        runs = dr.select(own[0] > 0, mi.UInt32(dr.popcnt(seen & ~(seen << 1))), 0)
-        wide = self._lobe > CELL
-        rays, in_beam = around[0], own[-1] if wide else around[-1]
-        dr.eval(runs, rays, in_beam)
-        among = self._shaped(in_beam)
-        if wide:
-            among = _summed(_summed(among, self._lobe), CELL, axis=1)
-        return self._shaped(runs).astype(np.uint8), self._shaped(rays), among
+        runs = dr.select(counts.echoes[0] > 0, mi.UInt32(dr.popcnt(seen & ~(seen << 1))), 0)
+        dr.eval(runs)
+        rays, in_lobe = self._shaped(counts.echoes[0]), self._shaped(counts.echoes[-1])
+        around = _around(rays, CELL)
+        same = len(counts.echoes) == 1 and self._lobe <= CELL
+        return (self._shaped(runs).astype(np.uint8), around,
+                around if same else _around(in_lobe, max(self._lobe, CELL)))
+
+
+class CellCounts:
+    """Numbers of echoes in cells, and the sectors that they come from as a bit mask: whole numbers, in any order."""
+
+    def __init__(self, cells: int, *, lobe: bool):
+        self.sectors = dr.zeros(mi.UInt64, cells)
+        #: of all echoes; of those in the main lobe, if these are told apart
+        self.echoes = [dr.zeros(mi.UInt32, cells) for _ in range(1 + lobe)]
+
+    def add(self, cell: mi.UInt32, word: mi.UInt32, active: mi.Bool) -> None:
+        """Add echoes; `word` holds the sector of each, and `IN_LOBE` for an echo in the main lobe."""
+        # the sums are too large for copies of each thread
+        direct = dr.ReduceMode.Direct
+        dr.scatter_reduce(dr.ReduceOp.Or, self.sectors, mi.UInt64(1) << mi.UInt64(word % IN_LOBE), cell, active, direct)
+        for echoes, number in zip(self.echoes, (mi.UInt32(1), word // IN_LOBE)):
+            dr.scatter_add(echoes, number, cell, active, direct)
+
+
+def word_of(echoes: GridEchoes, in_lobe: mi.Bool | None, depth_below: float, farthest: float) -> mi.UInt32:
+    """Return the words of echoes, see `CellCounts`."""
+    word = sector(echoes.launch_sine, dr.opaque(mi.Float, depth_below), dr.opaque(mi.Float, farthest)) // FEWER_SECTORS
+    return word if in_lobe is None else word | dr.select(in_lobe, mi.UInt32(IN_LOBE), 0)
+
+
+def _around(values: np.ndarray, beams: int) -> np.ndarray:
+    """Return the sums of values (B, T) over their neighbours, so many beams and `CELL` bins to either side."""
+    return _summed(_summed(values, beams), CELL, axis=1)
 
 
 def _summed(values: np.ndarray, reach: int, axis: int = 0) -> np.ndarray:
     """Return the sums of values over their neighbours up to a distance along an axis."""
-    total = np.cumsum(np.pad(values, [(reach + 1, reach) if k == axis else (0, 0) for k in range(values.ndim)]), axis,
-                      values.dtype)
-    size = values.shape[axis]
-    return total.take(range(2 * reach + 1, 2 * reach + 1 + size), axis) - total.take(range(size), axis)
+    values = np.moveaxis(values, axis, 0)
+    total = values.copy(order="K")
+    for step in range(1, reach + 1):
+        total[step:] += values[:-step]
+        total[:-step] += values[step:]
+    return np.moveaxis(total, 0, axis)
 
 
 @dr.syntax
@@ -194,6 +213,11 @@ class _TruthPlane:
         """Return the slices of beams and bins of the box."""
         return (slice(self.first_beam, self.first_beam + self.energy.shape[0]),
                 slice(self.first_bin, self.first_bin + self.energy.shape[1]))
+
+    def among(self, first: int, end: int) -> _TruthPlane:
+        """Return the part of the box within beams, which are counted from the first of these."""
+        low, high = (min(max(beam - self.first_beam, 0), len(self.energy)) for beam in (first, end))
+        return replace(self, first_beam=self.first_beam + low - first, energy=self.energy[low:high])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -229,28 +253,21 @@ class FrameTruth:
         ground = self._nothing(shape) if scatterers is None else self._ground(
             scatterers, hidden, in_lobe, origin, depth_below, farthest)
         planes = [*ground.seabed, *ground.objects, *self._of_targets(targets)]
-        total, best, label = np.zeros(shape, np.float32), np.zeros(shape, np.float32), np.zeros(shape, np.uint32)
-        by_label = {}
-        for plane in planes:
-            total[plane.where] += plane.energy
-            by_label.setdefault(plane.label, []).append(plane)
+        total, hidden_share = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
+        label, object_shadow = np.zeros(shape, np.uint32), np.zeros(shape, np.uint32)
         share = np.zeros((shape[0], self._labels, shape[1]), np.float32)
-        per_total = np.reciprocal(total, out=np.zeros(shape, np.float32), where=total > 0)
-        for number, of_instance in by_label.items():
-            for plane in of_instance:
-                beams, bins = plane.where
-                part = plane.energy * per_total[plane.where]
-                share[beams, number - 1, bins] += part
-                part = share[beams, number - 1, bins]
-                more = part > best[plane.where]
-                label[plane.where] = np.where(more, np.uint32(number), label[plane.where])
-                best[plane.where] = np.maximum(best[plane.where], part)
-        dark, object_shadow = self._shadows(ground, total)
+        for first in range(0, shape[0], ROWS):
+            rows = slice(first, first + ROWS)
+            there, seabed, lost = ([part for plane in group if len((part := plane.among(first, first + ROWS)).energy)]
+                                   for group in (planes, ground.seabed, ground.lost))
+            _share_out(there, total[rows], share[rows], label[rows])
+            if lost:
+                _shade(seabed, lost, total[rows], hidden_share[rows], object_shadow[rows])
+            total[rows] *= np.float32(source_power)
         return EnergyRecord(
-            intensity=total * np.float32(source_power), depth=ground.depth, rays=ground.rays,
-            rays_in_beam=ground.rays_in_beam,
-            truth=BinTruth(label=label, share=share, hidden=dark, object_shadow=object_shadow, layover=ground.layover,
-                           seabed_place=ground.place))
+            intensity=total, depth=ground.depth, rays=ground.rays, rays_in_beam=ground.rays_in_beam,
+            truth=BinTruth(label=label, share=share, hidden=hidden_share, object_shadow=object_shadow,
+                           layover=ground.layover, seabed_place=ground.place))
 
     def _nothing(self, shape: tuple[int, int]) -> _TruthGround:
         """Return the sums of a frame without scatterers."""
@@ -262,37 +279,36 @@ class FrameTruth:
     def _ground(self, echoes: GridEchoes, hidden: tuple[mi.UInt32, mi.UInt32], in_lobe: mi.Bool | None,
                 origin: np.ndarray, depth_below: float, farthest: float) -> _TruthGround:
         """Return the sums of the scatterers' echoes, and of the seabed's echoes that objects hide."""
-        bins = self._bins
-        cell, inside = bins.cell_of(echoes)
+        bins, several = self._bins, len(self._seabed) > 1
+        cell, beam, inside = bins.cell_of(echoes)
         free = inside & (echoes.state == FREE)
         on_bed = free & dr.gather(mi.Bool, self._is_seabed, echoes.label)
-        columns = echoes.energy, echoes.x, echoes.y, echoes.depth
-        sums = bins.sums(cell, on_bed, *columns)
-        (energy, place), others = bins.ground(sums, origin), compressed(free & ~on_bed)
-        depth = place[..., 2]
-        if dr.width(others):
-            own = (dr.gather(mi.Float, column, others) for column in columns)
-            depth = bins.mean_depth(sums, bins.sums(dr.gather(mi.UInt32, cell, others), mi.Bool(True), *own))
-        layover, rays, rays_in_beam = bins.counted(echoes, cell, free, in_lobe, depth_below, farthest)
-        seabed = []
-        if len(self._seabed) == 1:
-            seabed = [self._shown(self._seabed[0], energy, (0, bins.beams, 0, bins.bins))]
-        few = compressed(free) if len(self._seabed) > 1 else others
-        objects = list(self._planes(*_columns(few, cell, echoes.energy, echoes.label)))
-        if len(self._seabed) > 1:
-            seabed = [plane for plane in objects if plane.label in self._seabed]
-            objects = [plane for plane in objects if plane.label not in self._seabed]
-        index, hider = hidden
-        lost = []
+        listed, word = free if several else free & ~on_bed, word_of(echoes, in_lobe, depth_below, farthest)
+        counts = CellCounts(bins.cells, lobe=in_lobe is not None)
+        dr.schedule(listed, word)                       # made by the kernel of the sums
+        sums = bins.sums(echoes, cell, beam, on_bed, word, counts)
+        planes, index, others = [], compressed(listed), None
         if dr.width(index):
-            of_bed = dr.gather(mi.Bool, inside, index) & (hider > 0) & dr.gather(
-                mi.Bool, self._is_seabed, dr.gather(mi.UInt32, echoes.label, index))
-            taken = compressed(of_bed)
+            few = entries(echoes, index)
+            cell, beam, _ = bins.cell_of(few)
+            of_objects = ~dr.gather(mi.Bool, self._is_seabed, few.label)
+            dr.eval(cell, few.energy, few.label)
+            others = bins.sums(few, cell, beam, of_objects, dr.gather(mi.UInt32, word, index), counts)
+            planes = list(self._planes(cell.numpy(), few.energy.numpy(), few.label.numpy()))
+        energy, place, depth = bins.ground(sums, others, cell, origin)
+        layover, rays, rays_in_beam = bins.counted(counts)
+        seabed = [plane for plane in planes if plane.label in self._seabed] if several else [
+            self._shown(label, energy, (0, bins.beams, 0, bins.bins)) for label in self._seabed]
+        number, hider = hidden
+        lost = []
+        if dr.width(number):
+            behind = entries(echoes, number)
+            cell, _, inside = bins.cell_of(behind)
+            taken = compressed(inside & (hider > 0) & dr.gather(mi.Bool, self._is_seabed, behind.label))
             if dr.width(taken):
-                number = dr.gather(mi.UInt32, index, taken)
-                lost = list(self._planes(dr.gather(mi.UInt32, cell, number).numpy(),
-                                         dr.gather(mi.Float, echoes.energy, number).numpy(),
-                                         dr.gather(mi.UInt32, hider, taken).numpy()))
+                lost = list(self._planes(*(dr.gather(type(column), column, taken).numpy()
+                                           for column in (cell, behind.energy, hider))))
+        objects = [plane for plane in planes if plane.label not in self._seabed]
         return _TruthGround(seabed=seabed, place=place, depth=depth, layover=layover, rays=rays,
                             rays_in_beam=rays_in_beam, objects=objects, lost=lost)
 
@@ -319,7 +335,7 @@ class FrameTruth:
         """Yield the energies of echoes with a phase, which are added per instance and bin before they are squared."""
         parts = []
         for target in targets:
-            cell, inside = self._bins.cell_of(target.echoes)
+            cell, _, inside = self._bins.cell_of(target.echoes)
             shown = np.flatnonzero(inside.numpy() & (target.label > 0))
             number = target.label[shown].astype(np.int64) * self._bins.cells + cell.numpy()[shown]
             parts.append((number, target.echoes.real.numpy()[shown], target.echoes.imaginary.numpy()[shown]))
@@ -328,29 +344,35 @@ class FrameTruth:
             label, cell = np.divmod(number, self._bins.cells)
             yield from self._planes(cell, power, label)
 
-    def _shadows(self, ground: _TruthGround, total: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the share of the seabed's echo that objects hide, and the objects of shadows; see `imaging.truth`."""
-        hidden, shadow = np.zeros(total.shape, np.float32), np.zeros(total.shape, np.uint32)
-        if not ground.lost:
-            return hidden, shadow
-        lost, most = np.zeros(total.shape, np.float32), np.zeros(total.shape, np.float32)
-        for plane in ground.lost:
-            lost[plane.where] += plane.energy
-            more = plane.energy > most[plane.where]
-            shadow[plane.where] = np.where(more, plane.label, shadow[plane.where])
-            most[plane.where] = np.maximum(most[plane.where], plane.energy)
-        bins = np.flatnonzero(lost)
-        bed = lost.copy()
-        for plane in ground.seabed:
-            bed[plane.where] += plane.energy
-        bed, taken = bed.ravel()[bins], lost.ravel()[bins]
-        share = taken / bed
-        hidden.ravel()[bins] = share
-        dark = (share > HALF) & (total.ravel()[bins] < HALF * bed)
-        shadow.ravel()[bins[~dark]] = 0
-        return hidden, shadow
+
+def _share_out(planes: Sequence[_TruthPlane], total: np.ndarray, share: np.ndarray, label: np.ndarray) -> None:
+    """Write the total energy of planes, the share of every instance in it, and the instance with the most."""
+    # total, label (b, T); share (b, L, T)
+    best, by_label = np.zeros_like(total), {}
+    for plane in planes:
+        total[plane.where] += plane.energy
+        by_label.setdefault(plane.label, []).append(plane)
+    per_total = np.reciprocal(total, out=np.zeros_like(total), where=total > 0)
+    for number, of_instance in by_label.items():
+        for plane in of_instance:
+            beams, bins = plane.where
+            part = share[beams, number - 1, bins]
+            part += plane.energy * per_total[plane.where]
+            label[plane.where] = np.where(part > best[plane.where], np.uint32(number), label[plane.where])
+            best[plane.where] = np.maximum(best[plane.where], part)
 
 
-def _columns(index: mi.UInt32, *columns: mi.Float | mi.UInt32) -> list[np.ndarray]:
-    """Return the entries of columns at numbers, on the host."""
-    return [dr.gather(type(column), column, index).numpy() for column in columns]
+def _shade(seabed: Sequence[_TruthPlane], lost: Sequence[_TruthPlane], total: np.ndarray, hidden: np.ndarray,
+           shadow: np.ndarray) -> None:
+    """Write the share of the seabed's echo that objects hide, and the objects of shadows; see `imaging.truth`."""
+    # total, hidden, shadow (b, T)
+    taken, most = np.zeros_like(total), np.zeros_like(total)
+    for plane in lost:
+        taken[plane.where] += plane.energy
+        shadow[plane.where] = np.where(plane.energy > most[plane.where], plane.label, shadow[plane.where])
+        most[plane.where] = np.maximum(most[plane.where], plane.energy)
+    bed = taken.copy()
+    for plane in seabed:
+        bed[plane.where] += plane.energy
+    np.divide(taken, bed, out=hidden, where=taken > 0)
+    shadow[(hidden <= HALF) | (total >= HALF * bed)] = 0
