@@ -28,6 +28,8 @@ from .pulse_response import PulseResponse
 from .spreading import GridSums
 from .transforms import divided, transformed
 
+UNTURNED = np.eye(3)
+
 
 class ElementReceivers:
     """Elements that receive the same echoes, each with its own delay, made once for a survey."""
@@ -49,7 +51,7 @@ class ElementReceivers:
                         absorption=self._terms)
 
     def add(self, sums: GridSums, elements: Sequence[int], *, column: Float, real: Float, imaginary: Float,
-            sheet: UInt32, towards: Sequence[Float] | None = None, rotation: np.ndarray | None = None) -> None:
+            sheet: UInt32, towards: Sequence[Float] | None = None, rotation: np.ndarray = UNTURNED) -> None:
         """Add echoes at elements with one pattern; without `towards`, they are at the array's centre."""
         # column (H,) [samples], at the centre; sheet (H,); rotation (3, 3), of the places to the frame of `towards`
         lib, U, classes = self.lib, self.lib.UInt32, sums.stripes // len(self.place)

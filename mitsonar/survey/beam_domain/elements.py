@@ -43,9 +43,9 @@ class ElementFrames:
             column, sheet, real, imaginary = _joined(
                 [(some.column, some.sheet, some.real, some.imaginary) for some in received])
             self._receivers.add(sums, range(1), column=column, sheet=sheet, real=real, imaginary=imaginary)
-            if received[0].parts is not None:
-                real, imaginary, *towards = _joined(
-                    [(some.parts.real, some.parts.imaginary, *some.parts.towards) for some in received])
+            parts = [some.parts for some in received if some.parts is not None]
+            if parts:
+                real, imaginary, *towards = _joined([(some.real, some.imaginary, *some.towards) for some in parts])
                 self._receivers.add(sums, range(1, len(self._receivers.place)), column=column, sheet=sheet, real=real,
                                     imaginary=imaginary, towards=towards, rotation=self._track.rotation()[ping])
         return self._receivers.formed(sums, doppler, noise=None if key is None else self._noise, key=key or 0)

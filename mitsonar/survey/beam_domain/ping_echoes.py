@@ -310,14 +310,18 @@ class PingEchoes:
                                     towards=placed.towards, back_distance=placed.back_distance,
                                     back_time=placed.back_time, out_bent=out_bent, back_bent=back_bent)
         direction = arrival.sent, arrival.towards, reception.rotation, reception.steering
+        return self._on_grid(arrival, placed, self._doppler_of(ping), self.patterns.factor(*direction),
+                             self._parts and self._parts.factor(*direction), self.survey.track.position[ping])
+
+    def _doppler_of(self, ping: int) -> _RowDoppler | _DopplerSheets:
+        """Return the Doppler factors that echoes of a ping may have; those of the last ping are kept."""
         if self._doppler is None or self._doppler[0] != ping:
             self._doppler = ping, (_RowDoppler(self.doppler(ping)) if self.line.resolves else
                                    _DopplerSheets(self.doppler_classes(ping)))
-        return self._on_grid(arrival, placed, self.patterns.factor(*direction),
-                             self._parts and self._parts.factor(*direction), self.survey.track.position[ping])
+        return self._doppler[1]
 
-    def _on_grid(self, arrival: EndArrival, placed: PlacedEchoes, factor: Factor, parts_factor: Factor | None,
-                 origin: np.ndarray) -> GridEchoes:
+    def _on_grid(self, arrival: EndArrival, placed: PlacedEchoes, doppler: _RowDoppler | _DopplerSheets,
+                 factor: Factor, parts_factor: Factor | None, origin: np.ndarray) -> GridEchoes:
         """Return echoes with the carrier's phase, times the factors of the receive array and of its parts."""
         survey, pulse = self.survey, self.survey.pulse
         frequency, rate, start = (dr.opaque(mi.Float64, v) for v in (pulse.frequency, survey.sampling_rate,
@@ -326,7 +330,7 @@ class PingEchoes:
         later, turned, shift = mi.Float(0), mi.Float(0), arrival.doppler
         if placed.shift is not None:
             shift = shift + placed.shift * (1 + shift)
-        sheet, row = self._doppler[1].at(arrival.sine, shift)
+        sheet, row = doppler.at(arrival.sine, shift)
         if placed.shift is not None and row is None:
             row = mi.Float(0)
         if row is not None:

@@ -54,8 +54,8 @@ class FaceSignals:
                                   lobe=(receive.along[0], cell, 1.0), parts=quadrants,
                                   turning=(survey.track.rotation() @ across, cell))
         self._frames = ElementFrames(survey, None if quadrants is None else split_survey(survey, quadrants))
-        axes = [] if quadrants is None else [receive.along[0], across]
-        self._ahead = [quadrants.position @ axis > 0 for axis in axes]
+        self._ahead = [] if quadrants is None else [
+            quadrants.position @ axis > 0 for axis in (receive.along[0], across)]
         per_bin = (survey.samples - survey.lead) // bins
         self._truth = FrameTruth(PulseBlur(survey.pulse, survey.sampling_rate, per_bin), lead=survey.lead, bins=bins,
                                  named=survey.world.named, per_bin=per_bin)
