@@ -23,7 +23,6 @@ LINES = {
     "shaded, jittered, some dead": dict(elements=40, jitter=0.05,
                                         weight=np.hanning(42)[1:-1] * (np.arange(40) % 9 > 0)),
     "three": dict(elements=3),
-    "one": dict(elements=1),
 }
 SINES = np.array([-0.8, -0.5, 0.0, 0.02, 0.04, 0.07, 0.3])
 

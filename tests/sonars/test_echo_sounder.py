@@ -21,6 +21,7 @@ from sonar_scenes import bed, buried_bed, echo_sounder, lambert, point_target
 import mitsonar
 import mitsonar.scene.loading  # tells Dr.Jit its libraries before Mitsuba is imported
 from mitsonar import plots
+from mitsonar.imaging.echo_sounder import CalibratedSounder
 from mitsonar.imaging.objects import object_bins
 from mitsonar.scene.errors import as_exception
 from mitsonar.signal.matched_filtering import compression, matched_filter
@@ -94,6 +95,19 @@ def test_sweeps_squares_and_turned_faces_measure_alike(pulse):
     assert float(found["compensated_target_strength"]) == pytest.approx(-50.0, abs=0.2)
     assert float(found["angle_along"]) == pytest.approx(np.arcsin(0.03), abs=2e-4)
     assert float(found["angle_athwart"]) == pytest.approx(np.arcsin(0.02), abs=2e-4)
+
+
+@pytest.mark.parametrize("moving", [{}, {"speed_knots": 12.0, "pulse_ms": 1.0, "pitch_deg": 2.0, "pitch_period": 4.0}])
+def test_halves_receive_a_target_on_the_axis_as_the_whole_face_does(monkeypatch, moving):
+    """Patterns of quadrants and of the face are 1 on the axis, and differ by 0.002 where it moves to meanwhile."""
+    caught, measured = [], CalibratedSounder.measured
+    monkeypatch.setattr(CalibratedSounder, "measured", lambda sounder, whole, halves: caught.append(
+        [whole, *np.concatenate(halves)]) or measured(sounder, whole, halves))
+    mitsonar.render(sounder({"seabed": buried_bed(80.0), "ball": point_target([0, 0, -32.0], -40.0)}, sensor=moving))
+    whole, *halves = np.array(caught[0])
+    peak = np.argmax(np.abs(whole))
+    assert len(halves) == 4
+    np.testing.assert_allclose(np.abs([half[peak] for half in halves]), np.abs(whole[peak]), rtol=0.01)
 
 
 def test_a_target_is_passed_as_the_platform_moves_and_pitches():

@@ -65,14 +65,17 @@ class ElementBeams:
 
     def _strongest(self, beam, rotation):
         """Return the product over both arrays of a face's largest value of `beam`."""
-        total = 1.0
-        for array, faces in zip(self.arrays, self.faces):
+        def largest(array: Array, faces):
             best = 0.0
             for face in faces:
                 value = beam(array, rotation @ face.normal, rotation @ face.along)
                 best = dr.maximum(best, value) if dr.is_array_v(value) else np.maximum(best, value)
-            total = best * total
-        return total
+            return best
+
+        (transmit, receive), (senders, receivers) = self.arrays, self.faces
+        sent = largest(transmit, senders)
+        # one face that sends and receives is evaluated once
+        return (sent if receive is transmit else largest(receive, receivers)) * sent
 
 
 def _envelope(array, direction, slack, wavelength, normal, along):

@@ -7,6 +7,7 @@ density it was drawn with (`launch`), so no choice of density can bias a level.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 
 import drjit as dr
 import mitsuba as mi
@@ -34,13 +35,10 @@ class DrawnRays:
     def draw(self, origin: dr.ArrayBase, rotation: np.ndarray, depth_below: float | None,    # [m]
              key: int) -> tuple[mi.Vector3f, mi.Float, Strata]:
         """Draw the rays of a source; return directions (R,), solid angles (R,) [sr] and strata."""
-        azimuth, across = np.linspace(-np.pi, np.pi, AZIMUTHS + 1), np.linspace(-np.pi / 2, np.pi / 2, ELEVATIONS + 1)
-        a, e = (0.5 * (edges[1:] + edges[:-1]) for edges in (azimuth, across))
-        a, e = np.meshgrid(a, e, indexing="ij")
-        towards = np.stack([np.sin(a) * np.cos(e), np.cos(a) * np.cos(e), -np.sin(e)], -1)
-        beam = np.ones(a.shape) if self.pattern is None else self.pattern(towards, rotation)
+        azimuth, across, level, towards = _cells()
+        beam = np.ones(level.shape) if self.pattern is None else self.pattern(towards, rotation)
         beam = np.maximum(beam / max(beam.max(), 1e-30), FAINTEST)      # beams of other directions leave nothing
-        everywhere = np.cos(e) * beam
+        everywhere = level * beam
         density = everywhere / everywhere.sum()
         if depth_below is not None:
             above = abs(float(np.ravel(origin.z.numpy())[0])) if self.surface else None
@@ -58,6 +56,16 @@ class DrawnRays:
             if above is not None:
                 time = np.where(across < 0, -2 * above / (self.speed * np.sin(across)), time)
         return np.clip(time, *self.window)
+
+
+@lru_cache(maxsize=1)
+def _cells():
+    """Return edges of azimuth (A + 1,) and elevation (E + 1,), and cosines (A, E) and directions (A, E, 3) of cells."""
+    azimuth, across = np.linspace(-np.pi, np.pi, AZIMUTHS + 1), np.linspace(-np.pi / 2, np.pi / 2, ELEVATIONS + 1)
+    a, e = (0.5 * (edges[1:] + edges[:-1]) for edges in (azimuth, across))
+    a, e = np.meshgrid(a, e, indexing="ij")
+    level = np.cos(e)
+    return azimuth, across, level, np.stack([np.sin(a) * level, np.cos(a) * level, -np.sin(e)], -1)
 
 
 def _rays(rays, first, second, azimuth, key):

@@ -1,10 +1,11 @@
-"""Beams from echoes as points of sine and time, by two transforms each way instead of a sum over elements.
+"""Signals of arrays from echoes as points of time, without responses of every element.
 
-`LineBeams` makes the beams of a line of one or more elements: it makes grids, to which echoes are added, and forms
-beams from them.
+`LineBeams` makes the beams of a line: it makes grids of sine and time, to which echoes are added, and forms beams from
+them, by two transforms each way instead of a sum over elements. `ElementReceivers` make the signals of a few elements.
 """
+from .element_receivers import ElementReceivers
 from .grids import BeamGrid
 from .line_beams import LineBeams
 from .noise import NoiseDensity
 
-__all__ = ["BeamGrid", "LineBeams", "NoiseDensity"]
+__all__ = ["BeamGrid", "ElementReceivers", "LineBeams", "NoiseDensity"]

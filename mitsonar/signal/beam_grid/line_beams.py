@@ -9,9 +9,6 @@ s_j -> ``sine`` of the direction of arrival (at reception, body frame), τ_j -> 
 `pulse_response`. (1) is delay-and-sum focused at every range but for the phase k x_n² (s_j² - s_b²)/2R, which vanishes
 in the main lobe. In s it is a convolution: two FFTs each way, whatever the number of echoes and elements.
 
-A single element at the origin has W = 1: its beams are all alike, the sum of the rows over k̂_u(0). Rows with one
-Doppler factor are added before F_t, and the noise is drawn once for each frequency.
-
 Rows are steps of sine fine enough for the line; beams at any sines are read from them by the bell that spread the
 echoes. This is the same for all frequencies, so that it may come before F_f⁻¹ or after it: where there are fewer rows
 than beams, their records are transformed and beams are read from records. The transforms over rows take them modulo a
@@ -20,7 +17,6 @@ period, so long that no echo comes round into a beam.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import drjit as dr
 import numpy as np
@@ -35,7 +31,7 @@ from ..impulses import BandLimited, Bell
 from .grids import MARGIN, BeamGrid, GridShape
 from .kernels import Noise, Reading, Sizes, Waves, by_beam, by_frequency, by_record, through_the_line
 from .line_response import FADE, FINER, OVERSAMPLING, ResponseRows, response_of, stride_of
-from .noise import NoiseDensity, gaussians
+from .noise import NoiseDensity
 from .pulse_response import PulseResponse
 from .transforms import transformed
 
@@ -66,7 +62,6 @@ class LineBeams:
         weights = np.atleast_2d(weight)
         self._scale = np.ones(len(weights)) if scale is None else np.asarray(scale, float)
         self._stride = stride_of(position, weights)
-        self._alone, self._weight = weights.size == 1 and not position.any(), weights.sum() / np.abs(weights).sum()
         self._within = float(self.sines.min()), float(self.sines.max())
         steps, self.period = _rows(position, wavenumber, _farthest(*self._within), self._stride)
         _check_size(len(position), steps, self.period, len(wavenumber))
@@ -107,9 +102,6 @@ class LineBeams:
         row_factors = np.interp(self._row_sines, np.linspace(-1, 1, len(factors)), factors)
         rows, waves = (None, [None] * len(self.lines)) if noise is None else self._noise_tables(noise)
         kept = slice(MARGIN + self.lead, MARGIN + self.samples)
-        if self._alone:
-            beam = self._of_element(grid.taken(), row_factors, waves[0], salted(key, Salt.BEAM_NOISE))[kept]
-            return np.broadcast_to(beam * np.float32(self._scale[0]), (1, read.beams, len(beam)))
         on_rows = None
         if rows is not None:
             bell = tuple(self.line.bell.impulse([0, 1]).tolist())
@@ -129,23 +121,6 @@ class LineBeams:
             records = by_beam(records, sizes, read, begin, length)
         beams = records.numpy().view(np.complex64).reshape(len(self.lines), read.beams, length)
         return beams[:, :, kept.start - begin:kept.stop - begin]
-
-    def _of_element(self, sums: Float, factors: np.ndarray, noise: Float | None, key: int) -> np.ndarray:
-        """Return the record (length,) of a single element from a grid's sums; `noise` (F,) is the root of its power."""
-        U, length = self.lib.UInt32, self.length
-        if not np.ptp(factors):
-            factors = factors[:1]
-            sums = upload(self.lib.Float, sums.numpy().view(np.complex64).reshape(-1, length).sum(0).view(np.float32))
-        sizes = replace(self._sizes, rows=len(factors), period=len(factors))
-        rows = by_frequency(transformed(sums, length), sizes, self.pulse.transfers(factors), None)
-        whole = rows.numpy().view(np.complex64).reshape(-1, len(factors)).sum(1)
-        whole *= np.complex64(self._weight / self.line.bell.spectrum(0.0))
-        if noise is not None:
-            real, imaginary = gaussians(self.lib, dr.arange(U, len(whole)), dr.opaque(U, key))
-            whole += noise.numpy() * (real.numpy() + 1j * imaginary.numpy())
-        record = np.zeros(length, np.complex64)
-        record[self.pulse.used] = whole
-        return fft.ifft(record, overwrite_x=True)
 
     # -- tables ----------------------------------------------------------------------------------------------------
 
@@ -186,12 +161,9 @@ class LineBeams:
             inside = np.clip((1 - np.abs(self._row_sines)) / self.shape.step + 0.5, 0, 1)
             ambient = noise.ambient_at(self._row_sines) * band * (0.5 * self.shape.step * inside)
             replica = np.abs(self.pulse.replica)
-            if self._alone:
-                size = replica * np.sqrt(ambient.sum() + noise.own_of_lines * band)
-                waves = [upload(self.lib.Float, size.astype(np.float32))]
-            elif noise.ambient:
+            if noise.ambient:
                 rows = upload(self.lib.Float, np.sqrt(ambient))
-            if noise.own and not self._alone:
+            if noise.own:
                 for number, line in enumerate(self.lines):
                     power = noise.own_of_lines * band * line.rows.period * line.own_noise(float(np.ptp(self.sines)))
                     size = replica[:, None] * np.sqrt(power)

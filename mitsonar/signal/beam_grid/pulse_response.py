@@ -44,6 +44,11 @@ class RowTransfers:
     node: np.ndarray  # (R,): the one below a row's factor
     mix: np.ndarray  # (R, 2): what a row takes of either, times the turn of its own middle
 
+    @property
+    def rows(self) -> np.ndarray:
+        """Return P of every row (R, F)."""
+        return np.einsum("rfk,rk->rf", self.pairs[self.node], self.mix)
+
 
 class PulseResponse:
     """Pulse and matched filter on the frequencies of a record's FFT."""

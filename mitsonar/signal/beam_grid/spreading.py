@@ -5,7 +5,8 @@
 a -> ``real``, ``imaginary``; u -> ``row``, t -> ``column``; k_u, k_t Kaiser-Bessel bells (`signal.bells`).
 
 Echoes are added stripe by stripe of rows (`stripes`). As an echo reaches into the next stripe too, even stripes come
-first, then odd ones. On a GPU the sums are atomic, and their last bits vary.
+first, then odd ones. Echoes that stay in their row (k_u `impulses.Nearest`) have a stripe for each row. On a GPU the
+sums are atomic, and their last bits vary.
 
 Four taps along a row lie in two packets of four complex numbers, each aligned, which are added in one go.
 """
@@ -21,7 +22,7 @@ import numpy as np
 from mitsonar.device.arrays import arrays_of, held
 from mitsonar.device.types import Array4f, Bool, DrJitArray, Float, UInt32
 
-from ..impulses import Bell, tap_weights
+from ..impulses import Bell, Nearest, tap_weights
 from .absorption import AbsorptionTerms
 from .stripes import STRIPE, add_by_stripes, sorted_by_stripe
 
@@ -33,13 +34,14 @@ class GridSums:
     """Sums of echoes on a grid."""
 
     def __init__(self, like: DrJitArray | type, *, rows: int, columns: int, pitch: int, along: Bell,
-                 across: Bell, absorption: AbsorptionTerms | None = None):
+                 across: Bell | Nearest, absorption: AbsorptionTerms | None = None):
         if 2 * rows * pitch >= MOST_NUMBERS:
             raise ValueError(f"a grid of {rows} rows and {pitch} samples takes {8 * rows * pitch / 2**30:.0f} GiB, "
                              f"and {4 * MOST_NUMBERS >> 30} is the limit; take fewer rows or a shorter record")
         self.lib = lib = arrays_of(like)
         self.along, self.across, self.absorption = along, across, absorption
-        self.stripes = -(-rows // STRIPE)
+        self.stripe = STRIPE if across.taps > 1 else 1
+        self.stripes = -(-rows // self.stripe)
         self.on_cpu = dr.backend_v(lib.Float) == dr.JitBackend.LLVM
         whole = dict(packets=pitch // PACKET, nowhere=self.stripes, last=rows - 1)
         self.whole = {name: dr.opaque(lib.UInt32, value) for name, value in whole.items()}
@@ -63,17 +65,19 @@ class GridSums:
                 self._spread(fields, inside)
                 dr.eval(self.sums)
                 return
-            stripe = lib.UInt32(held(fields[0], 0, self.ends["rows"] - 1)) // STRIPE
+            stripe = lib.UInt32(held(fields[0], 0, self.ends["rows"] - 1)) // self.stripe
             echoes, starts = sorted_by_stripe(dr.select(inside, stripe, self.whole["nowhere"]), self.stripes, fields)
-            for first in (0, 1):
+            apart = min(self.across.taps, 2)
+            for first in range(apart):
                 # of stripes of which no two share a row
-                add_by_stripes(lib, starts, np.arange(first, self.stripes, 2), lambda place: self._spread(
+                add_by_stripes(lib, starts, np.arange(first, self.stripes, apart), lambda place: self._spread(
                     cast(Sequence[Any], dr.gather(lib.Array4f, echoes, place)), lib.Bool(True)))
                 dr.eval(self.sums)
 
     def _inside(self, row: Float, column: Float, real: Float, imaginary: Float) -> Bool:
         """Return whether echoes lie on the grid; comparisons with NaN are false."""
-        inside = (row >= 1) & (row < self.ends["rows"] - 2)
+        taps = self.across.taps
+        inside = (row >= (taps - 1) // 2) & (row < self.ends["rows"] - taps // 2)
         inside &= (column >= 1) & (column < self.ends["columns"] - 2)
         return inside & (abs(real) < dr.inf) & (abs(imaginary) < dr.inf) & ((real != 0) | (imaginary != 0))
 
@@ -88,7 +92,8 @@ class GridSums:
         offset = tap & (PACKET - 1)
         values = self._along(column, before, real, imaginary, offset)
         packet = lib.UInt32(held(above, 0, self.ends["rows"] - 1)) * self.whole["packets"] + tap // PACKET
-        packet -= self.whole["packets"]
+        if self.across.taps > 1:
+            packet -= self.whole["packets"]
         mode = dr.ReduceMode.NoConflicts if self.on_cpu else dr.ReduceMode.Auto
         for weight in tap_weights(lib, self.across, row - above):
             parts = [part * weight for part in values]

@@ -98,13 +98,18 @@ class LineFrames:
 
     def truth(self, ping: int, laid: LaidPing, truth: FrameTruth) -> EnergyRecord:
         """Return the truth of a ping, arrays (B, ..., bins)."""
-        survey = self.survey
-        return truth.of(
-            laid.scatterers, self.echoes.hiding(ping, laid.scatterers), laid.targets,
-            in_lobe=self.echoes.in_main_lobe(ping, laid.scatterers),
-            origin=survey.track.position[ping], depth_below=float(survey.depth_below[ping]),
-            farthest=0.5 * survey.time[-1] * survey.sound_speed(ping),
-            source_power=float(power_from_db(survey.source_level_db)))
+        return truth_of(self.echoes, ping, laid, truth)
+
+
+def truth_of(echoes: PingEchoes, ping: int, laid: LaidPing, truth: FrameTruth) -> EnergyRecord:
+    """Return the truth of a ping from its echoes, arrays (B, ..., bins)."""
+    survey = echoes.survey
+    return truth.of(
+        laid.scatterers, echoes.hiding(ping, laid.scatterers), laid.targets,
+        in_lobe=echoes.in_main_lobe(ping, laid.scatterers),
+        origin=survey.track.position[ping], depth_below=float(survey.depth_below[ping]),
+        farthest=0.5 * survey.time[-1] * survey.sound_speed(ping),
+        source_power=float(power_from_db(survey.source_level_db)))
 
 
 def why_not(survey: ArraySurvey, direction: np.ndarray) -> str:

@@ -37,6 +37,11 @@ class LineArray:
         return self.weight if np.all(self.channel == 1) else self.weight * self.channel
 
     @property
+    def resolves(self) -> bool:
+        """Return True if beams of the line tell directions apart."""
+        return len(self.place) > 1
+
+    @property
     def length(self) -> float:
         """Return the length of the aperture [m]: from the first to the last column, plus one spacing."""
         count = len(self.place)

@@ -11,7 +11,7 @@ sonar that only turns can keep them from ping to ping.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -23,12 +23,14 @@ from mitsonar.device.arrays import arrays_of, compressed, held, opaque_vector, u
 from mitsonar.device.chance import ping_key
 from mitsonar.echoes.scatterers.element_beams import ElementBeams
 from mitsonar.echoes.scatterers.thinned_scatterers import Density, TransmitLobe, Useful
-from mitsonar.signal.doppler import Glide, ResidualDoppler, residual_doppler
+from mitsonar.signal.doppler import Glide, ResidualDoppler, doppler_classes, residual_doppler
+from mitsonar.sonar.arrays.array import Array
 from mitsonar.sonar.faces.directivity import sinc
 
 from ..energy.face_beams import BEAM_EDGE
 from ..motion.reception import EndArrival, Reception
 from ..pressure.array_survey import ArraySurvey, Steering
+from ..pressure.signals import lattice
 from .ground import FREE, HIDDEN_BY_OBJECT, Ground
 from .line import LineArray
 from .lobe_rays import LobeRays
@@ -52,6 +54,17 @@ class GridEchoes:
     x: mi.Float  # (R,) [m], east of the sonar
     y: mi.Float  # (R,) [m], north of the sonar
     depth: mi.Float  # (R,) [m], below the surface
+    sheet: mi.UInt32 | None = None  # (R,), number of the Doppler class at a single element; None at a line
+    parts: PartEchoes | None = None  # the same echoes at parts of the element
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PartEchoes:
+    """Echoes at the parts of an element, which have one pattern, as of their common centre."""
+
+    real: mi.Float  # (R,), as of `GridEchoes`
+    imaginary: mi.Float  # (R,), as of `GridEchoes`
+    towards: mi.Vector3f  # (R,), where an echo comes from, as of `EndArrival`, times its slant
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -67,27 +80,33 @@ NEGLIGIBLE = 1e-8                  # two-way intensity of the beams below which 
 WIDE = 0.1                         # sines in a lobe that lights the whole picture: what lies outside is no side lobe's
 DOPPLER_NODES = 33                 # of sines, between which the rows' factors are linear
 SINK = 0.15                        # sine below the horizon that the rows' factors are made for
+CLASS_ERROR = 0.005                # [cycles] at the ends of an echo of a Doppler class, at a single element
+LOBES = 1e-3                       # two-way intensity of directions that Doppler classes are made for
 
 
 class PingEchoes:
     """Echoes of a survey's pings."""
     # lobe: axis (3,), cell [-] and finer of a lobe across the line
     # turning: axes (3,) by ping, and cell [-], of a turning head
+    # parts: of the only receiving element, around its centre
 
     def __init__(self, survey: ArraySurvey, line: LineArray, *, per_cell: float, beams_from_origin: bool = True,
                  beside: PingEchoes | None = None, lobe: tuple[np.ndarray, float, float] | None = None,
-                 turning: tuple[Steering, float] | None = None, negligible: float = NEGLIGIBLE):
+                 parts: Array | None = None, turning: tuple[Steering, float] | None = None,
+                 negligible: float = NEGLIGIBLE):
         self._long, self._turning, self._negligible = lobe, turning, negligible
         self.survey, self.line, self.per_cell = survey, line, float(per_cell)
         self._from_origin = beams_from_origin
         self.lib, self.patterns = arrays_of(mi.Float), Patterns(survey, line)
+        self._parts = None if parts is None else Patterns(replace(survey, receive=parts), line)
         self.ground = Ground(survey, None if beside is None else beside.ground)
         points = self.ground.ensonification.ghosts.water
         self._water = None if points is None else WaterPoints(self.ground, points)
         self._beams = ElementBeams(survey.transmit, survey.receive, survey.wavelength) or None
-        self._residual = _on_device(residual_doppler(survey.pulse))
+        residual = residual_doppler(survey.pulse)
+        self._residual, self._glide = _on_device(residual), residual.glide
         self._reception: tuple[int, Reception] | None = None
-        self._row_doppler: tuple[int, _RowDoppler] | None = None
+        self._doppler: tuple[int, _RowDoppler | _DopplerSheets] | None = None
 
     def reception(self, ping: int) -> Reception:
         """Return the reception of a ping; the last reception is kept."""
@@ -103,7 +122,26 @@ class PingEchoes:
         reception = self.reception(ping)
         if reception.still:
             return None
-        return reception.doppler_of_sines(np.linspace(-1, 1, DOPPLER_NODES), SINK if self._turning is None else 0.0)
+        return reception.doppler_of_sines(np.linspace(-1, 1, DOPPLER_NODES), SINK)
+
+    def doppler_classes(self, ping: int) -> np.ndarray:
+        """Return the Doppler factors (K,) that stand for all echoes of a ping at a single element."""
+        reception, moving = self.reception(ping), self.survey.world.fastest(ping)
+        if reception.still and not moving:
+            return np.ones(1)
+        factors = reception.doppler_towards(self._lobes_towards @ reception.rotation.T)
+        spare = 2 * moving / reception.speed
+        return doppler_classes(self.survey.pulse, factors.min() - spare, factors.max() + spare, CLASS_ERROR,
+                               self._glide)
+
+    @cached_property
+    def _lobes_towards(self) -> np.ndarray:
+        """Return directions (K, 3) all over the beam of a single element, body frame."""
+        towards = lattice()
+        if self._beams is None:
+            return towards
+        lit = self._beams.intensity(towards, np.eye(3))
+        return towards[lit > LOBES * lit.max()]
 
     def of_scatterers(self, ping: int) -> GridEchoes | None:
         """Return the echoes of a ping's scatterers; None if there are none."""
@@ -271,23 +309,30 @@ class PingEchoes:
         arrival = reception.receive(sent=placed.sent, out_distance=placed.out_distance, out_time=placed.out_time,
                                     towards=placed.towards, back_distance=placed.back_distance,
                                     back_time=placed.back_time, out_bent=out_bent, back_bent=back_bent)
-        factor = self.patterns.factor(arrival.sent, arrival.towards, reception.rotation, reception.steering)
-        if self._row_doppler is None or self._row_doppler[0] != ping:
-            self._row_doppler = ping, _RowDoppler(self.doppler(ping))
-        return self._on_grid(arrival, self._row_doppler[1].at(arrival.sine), placed, factor,
-                             self.survey.track.position[ping])
+        direction = arrival.sent, arrival.towards, reception.rotation, reception.steering
+        return self._on_grid(arrival, placed, self._doppler_of(ping), self.patterns.factor(*direction),
+                             self._parts and self._parts.factor(*direction), self.survey.track.position[ping])
 
-    def _on_grid(self, arrival: EndArrival, row: mi.Float | None, placed: PlacedEchoes, factor,
-                 origin: np.ndarray) -> GridEchoes:
-        """Return echoes with the carrier's phase, times a factor; `row` is the Doppler factor of their row, minus 1."""
+    def _doppler_of(self, ping: int) -> _RowDoppler | _DopplerSheets:
+        """Return the Doppler factors that echoes of a ping may have; those of the last ping are kept."""
+        if self._doppler is None or self._doppler[0] != ping:
+            self._doppler = ping, (_RowDoppler(self.doppler(ping)) if self.line.resolves else
+                                   _DopplerSheets(self.doppler_classes(ping)))
+        return self._doppler[1]
+
+    def _on_grid(self, arrival: EndArrival, placed: PlacedEchoes, doppler: _RowDoppler | _DopplerSheets,
+                 factor: Factor, parts_factor: Factor | None, origin: np.ndarray) -> GridEchoes:
+        """Return echoes with the carrier's phase, times the factors of the receive array and of its parts."""
         survey, pulse = self.survey, self.survey.pulse
         frequency, rate, start = (dr.opaque(mi.Float64, v) for v in (pulse.frequency, survey.sampling_rate,
                                                                     survey.start))
         delay = arrival.delay + dr.opaque(mi.Float64, self.patterns.drive_delay)
-        later, turned = mi.Float(0), mi.Float(0)
-        shift = arrival.doppler
+        later, turned, shift = mi.Float(0), mi.Float(0), arrival.doppler
         if placed.shift is not None:
-            shift, row = shift + placed.shift * (1 + shift), mi.Float(0) if row is None else row
+            shift = shift + placed.shift * (1 + shift)
+        sheet, row = doppler.at(arrival.sine, shift)
+        if placed.shift is not None and row is None:
+            row = mi.Float(0)
         if row is not None:
             later, turned = self._residual.shift(shift, row)
         cycles = delay * frequency
@@ -297,17 +342,29 @@ class PingEchoes:
         gain = dr.square(real) if imaginary is None else dr.square(real) + dr.square(imaginary)
         root = dr.select(placed.state == FREE, dr.sqrt(energy), 0)
         a, b = placed.real, placed.imaginary
-        a, b = root * (a * cosine + b * sine), root * (b * cosine - a * sine)
-        if imaginary is None:
-            a, b = a * real, b * real
-        else:
-            a, b = a * real - b * imaginary, a * imaginary + b * real
-        column, offset = mi.Float((delay + mi.Float64(later) - start) * rate), placed.out_offset
+        carried = root * (a * cosine + b * sine), root * (b * cosine - a * sine)
+        a, b = _times(carried, factor)
+        column, offset, parts = mi.Float((delay + mi.Float64(later) - start) * rate), placed.out_offset, None
+        if parts_factor is not None:
+            of_parts = _times(carried, parts_factor)
+            parts = PartEchoes(real=of_parts[0], imaginary=of_parts[1], towards=arrival.towards * arrival.slant)
         echoes = GridEchoes(column=column, sine=arrival.sine, real=a, imaginary=b, energy=energy * gain,
                             state=placed.state, label=placed.label, launch_sine=-placed.sent.z, x=mi.Float(offset.x),
-                            y=mi.Float(offset.y), depth=dr.opaque(mi.Float, -float(origin[2])) - mi.Float(offset.z))
+                            y=mi.Float(offset.y), depth=dr.opaque(mi.Float, -float(origin[2])) - mi.Float(offset.z),
+                            sheet=sheet, parts=parts)
         dr.eval(*vars(echoes).values())
         return echoes
+
+
+Factor = tuple["mi.Float", "mi.Float | None"]
+
+
+def _times(amplitude: tuple[mi.Float, mi.Float], factor: Factor) -> tuple[mi.Float, mi.Float]:
+    """Return an amplitude times a factor whose imaginary part is None where it is 0."""
+    (a, b), (real, imaginary) = amplitude, factor
+    if imaginary is None:
+        return a * real, b * real
+    return a * real - b * imaginary, a * imaginary + b * real
 
 
 def _all_of_them(direction: mi.Vector3f, distance: mi.Float, wider: mi.Float | float = 0.0) -> mi.Bool:
@@ -320,15 +377,29 @@ class _RowDoppler:
     def __init__(self, factors: np.ndarray | None):
         self._factors = None if factors is None else upload(mi.Float, (factors - 1).astype(np.float32))
 
-    def at(self, sine: mi.Float) -> mi.Float | None:
-        """Return the factors of rows at sines, minus 1; None if the platform stands still."""
+    def at(self, sine: mi.Float, shift: mi.Float) -> tuple[None, mi.Float | None]:
+        """Return no number, and the factors of rows at sines, minus 1; None if the platform stands still."""
         if self._factors is None:
-            return None
+            return None, None
         last = DOPPLER_NODES - 1
         place = held((sine + 1) * (0.5 * last), 0.0, last - 1e-3)
         node = mi.UInt32(place)
         low, high = (dr.gather(mi.Float, self._factors, node + step) for step in (0, 1))
-        return low + (high - low) * (place - mi.Float(node))
+        return None, low + (high - low) * (place - mi.Float(node))
+
+
+class _DopplerSheets:
+    """Doppler classes of a single element."""
+
+    def __init__(self, factors: np.ndarray):
+        width = float(np.ptp(factors)) / max(len(factors) - 1, 1) or 1.0
+        self._first, self._width, self._last = (dr.opaque(mi.Float, value)
+                                                for value in (factors[0] - 1, width, len(factors) - 1))
+
+    def at(self, sine: mi.Float, shift: mi.Float) -> tuple[mi.UInt32, mi.Float]:
+        """Return the numbers of the classes nearest to Doppler factors minus 1, and their factors minus 1."""
+        number = held(dr.round((shift - self._first) / self._width), 0.0, self._last)
+        return mi.UInt32(number), dr.fma(number, self._width, self._first)
 
 
 def _on_device(residual: ResidualDoppler) -> ResidualDoppler:

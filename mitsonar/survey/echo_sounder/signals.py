@@ -1,33 +1,31 @@
 """Signals of an echo sounder's face and of the halves of its quadrants, ping by ping, and the truth of its bins.
 
     placed     scatterers, targets, ghosts and the water around the sonar, once a ping      `beam_domain.ping_echoes`
-    received   by the whole face, and by lines of two halves along and athwart the face     `PingEchoes.received`
+    received   by the whole face and by its quadrants; halves are means of two quadrants    `beam_domain.elements`
     truth      energies of the whole face's echoes, spread over bins as the compressed pulse spreads them
 
-The face is a line of one element; the quadrants are two lines of two elements. Their noises are independent: noise of
-the whole face and noise in the difference of its halves are. A half has twice the noise of the whole.
+The noises of the face and of its quadrants are independent: noise of the whole face and noise in the difference of its
+halves are. A half has twice the noise of the whole.
 """
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import chain
 
-import drjit as dr
 import numpy as np
 
-from mitsonar.device.chance import ping_key, sonar_seed
+from mitsonar.device.chance import Salt, ping_key, salted
 from mitsonar.imaging.echo_sounder import compressed_power
 from mitsonar.imaging.energy_record import EnergyRecord
-from mitsonar.signal.beam_grid import BeamGrid
 from mitsonar.sonar.arrays.array import Array
 from mitsonar.sonar.pulses.pulse import Pulse
 from mitsonar.units import amplitude_from_db, db_from_power
 
 from ..beam_domain.blur import OneBeam
-from ..beam_domain.frames import LaidPing, LineFrames, add
+from ..beam_domain.elements import ElementFrames
+from ..beam_domain.frames import LaidPing, truth_of
 from ..beam_domain.line import LineArray
-from ..beam_domain.ping_echoes import GridEchoes, PingEchoes, TargetEchoes
-from ..beam_domain.placed_echoes import PlacedEchoes
+from ..beam_domain.ping_echoes import PingEchoes
 from ..beam_domain.truth import FrameTruth
 from ..pressure.array_survey import ArraySurvey
 
@@ -52,15 +50,12 @@ class FaceSignals:
         receive = survey.receive
         across = np.cross(receive.normal[0], receive.along[0])
         cell = survey.wavelength / receive.length
-        beam = {"per_cell": FINER * survey.per_cell, "lobe": (receive.along[0], cell, 1.0),
-                "turning": (survey.track.rotation() @ across, cell)}
-        whole = PingEchoes(survey, LineArray.of_element(receive), **beam)
-        self._whole, self._halves = _Receiver(survey, whole, np.ones((1, 1))), []
-        if quadrants is not None:
-            split = split_survey(survey, quadrants)
-            self._halves = [_Receiver(split, PingEchoes(
-                split, LineArray.along(quadrants, axis, survey.wavelength), beside=whole, **beam), np.eye(2))
-                for axis in (receive.along[0], across)]
+        self._echoes = PingEchoes(survey, LineArray.of_element(receive), per_cell=FINER * survey.per_cell,
+                                  lobe=(receive.along[0], cell, 1.0), parts=quadrants,
+                                  turning=(survey.track.rotation() @ across, cell))
+        self._frames = ElementFrames(survey, None if quadrants is None else split_survey(survey, quadrants))
+        self._ahead = [] if quadrants is None else [
+            quadrants.position @ axis > 0 for axis in (receive.along[0], across)]
         per_bin = (survey.samples - survey.lead) // bins
         self._truth = FrameTruth(PulseBlur(survey.pulse, survey.sampling_rate, per_bin), lead=survey.lead, bins=bins,
                                  named=survey.world.named, per_bin=per_bin)
@@ -68,30 +63,18 @@ class FaceSignals:
 
     def ping(self, ping: int, seed: int) -> PingSignals:
         """Return the signals of a ping, and the truth of its bins."""
-        receivers = [self._whole, *self._halves]
-        grids = [receiver.grid() for receiver in receivers]
-        echoes, laid = self._whole.echoes, LaidPing(scatterers=None, targets=[])
-
-        def received(placed: PlacedEchoes) -> GridEchoes:
-            if self._halves:
-                dr.eval(vars(placed))
-            on_grids = [receiver.echoes.received(ping, placed) for receiver in receivers]
-            for grid, some in zip(grids, on_grids):
-                add(grid, some)
-            return on_grids[0]
-
-        scatterers = echoes.scatterers(ping)
-        if scatterers is not None:
-            laid = replace(laid, scatterers=received(scatterers))
-        for label, placed in echoes.targets(ping):
-            some = received(placed)
-            laid.targets.append(TargetEchoes(echoes=some, label=np.broadcast_to(label.numpy(), dr.width(some.sine))))
-        for placed in chain(echoes.mirrored(ping), echoes.by_chance(ping, seed)):
-            received(placed)
-        seeds = [seed, *(sonar_seed(seed, name) for name in ("along", "athwart"))]
-        whole, *halves = (receiver.signals(grid, ping, own) * self._amplitude
-                          for receiver, grid, own in zip(receivers, grids, seeds))
-        return PingSignals(whole=whole[0], halves=halves, truth=self._whole.truth(ping, laid, self._truth))
+        echoes = self._echoes
+        scatterers, targets = echoes.of_scatterers(ping), list(echoes.of_targets(ping))
+        received = [] if scatterers is None else [scatterers]
+        received += [target.echoes for target in targets]
+        received += [echoes.received(ping, placed)
+                     for placed in chain(echoes.mirrored(ping), echoes.by_chance(ping, seed))]
+        signals = self._amplitude * self._frames.signals(ping, received, echoes.doppler_classes(ping),
+                                                         salted(ping_key(seed, ping), Salt.BEAM_NOISE))
+        whole, quadrants = signals[0], signals[1:]
+        truth = truth_of(echoes, ping, LaidPing(scatterers=scatterers, targets=targets), self._truth)
+        return PingSignals(whole=whole, truth=truth, halves=[
+            np.stack([quadrants[half].mean(0) for half in (~ahead, ahead)]) for ahead in self._ahead])
 
 
 def split_survey(survey: ArraySurvey, quadrants: Array) -> ArraySurvey:
@@ -101,22 +84,6 @@ def split_survey(survey: ArraySurvey, quadrants: Array) -> ArraySurvey:
         ambient, own = (None if level is None else level + more for level in (noise.ambient_db, noise.self_noise_db))
         noise = replace(noise, position=quadrants.position, ambient_db=ambient, self_noise_db=own)
     return replace(survey, receive=quadrants, noise=noise)
-
-
-class _Receiver(LineFrames):
-    """Line of receivers that look straight ahead."""
-
-    def __init__(self, survey: ArraySurvey, echoes: PingEchoes, weight: np.ndarray):
-        super().__init__(survey, echoes, weight, np.zeros(1))
-
-    def grid(self) -> BeamGrid:
-        """Return an empty grid."""
-        return self._beams.grid()
-
-    def signals(self, grid: BeamGrid, ping: int, seed: int) -> np.ndarray:
-        """Return the signals (apertures, samples) of a ping's echoes on a grid, for a source level of 0 dB."""
-        return self._beams.form_each(grid, doppler=self.echoes.doppler(ping), noise=self._noise,
-                                     key=ping_key(seed, ping))[:, 0]
 
 
 class PulseBlur(OneBeam):

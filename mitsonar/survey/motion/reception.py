@@ -55,6 +55,7 @@ class EndArrival:
     sent: mi.Vector3f  # (R,): unit, scene, departure as seen from the transmit array
     towards: mi.Vector3f  # (R,): unit, in a frame that turns with the body and is the scene's at the transmission
     sine: mi.Float  # (R,): s of (2)
+    slant: mi.Float  # (R,): c / (c + n'·v) of (2)
     doppler: mi.Float  # (R,): factor minus 1
     spread: mi.Float | None = None  # (R,): area of both legs' waves at the arrays, over that at O
 
@@ -129,7 +130,7 @@ class Reception:
             along, ahead = (dr.opaque(mi.Float, part) for part in self._off)
             seen = sine * along + dr.sqrt(dr.maximum(1 - sine * sine, 0)) * ahead
             sine = sine + (along - sine * seen) / dr.maximum(back_distance, NEAREST)                     # (3)
-        return EndArrival(delay=delay, sent=sent, towards=arrival, sine=sine,
+        return EndArrival(delay=delay, sent=sent, towards=arrival, sine=sine, slant=c / (c + closing),
                           doppler=two_way_shift(sent_closing, c, closing), spread=spread)
 
     def doppler_of_sines(self, sines: np.ndarray, sink: float) -> np.ndarray:
@@ -140,7 +141,10 @@ class Reception:
         rest = np.sqrt(np.maximum(1 - sines ** 2, 0.0))
         aside = np.minimum(sink, rest)
         forward = np.sqrt(np.maximum(rest ** 2 - aside ** 2 * (across @ across), 0.0))
-        sight = sines[:, None] * axis + aside[:, None] * across + forward[:, None] * ahead
+        return self.doppler_towards(sines[:, None] * axis + aside[:, None] * across + forward[:, None] * ahead)
+
+    def doppler_towards(self, sight: np.ndarray) -> np.ndarray:
+        """Return the Doppler factors of echoes from directions (K, 3), scene, at the beginning of the ping."""
         return two_way_doppler(sight @ self._sent_velocity, self.speed, sight @ self._velocity)
 
 

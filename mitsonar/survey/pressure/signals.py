@@ -57,7 +57,7 @@ def closing_speeds(survey: ArraySurvey, ping: int, *, fastest: float, accelerati
     beams = ElementBeams(survey.transmit, survey.receive, survey.within(ping).wavelength)
     if not (survey.thin_below and beams):
         return -fastest, fastest
-    direction = _lattice()
+    direction = lattice()
     bound = beams.bound(mi.Vector3f(*(upload(mi.Float, column.astype(np.float32)) for column in direction.T)),
                         dr.opaque(mi.Float, nearest), survey.track.rotation()[ping], dr.opaque(mi.Float, APART))
     within = direction[bound.numpy() > survey.thin_below]
@@ -72,7 +72,7 @@ def closing_speeds(survey: ArraySurvey, ping: int, *, fastest: float, accelerati
 
 
 @lru_cache(maxsize=1)
-def _lattice() -> np.ndarray:
+def lattice() -> np.ndarray:
     """Return evenly distributed directions (N, 3) of a Fibonacci lattice."""
     number = np.arange(DIRECTIONS) + 0.5
     height, angle = 1 - 2 * number / DIRECTIONS, GOLDEN_ANGLE * number

@@ -3,8 +3,7 @@
     y_p(t) = Σ_j a_j b_t(n_j) b_r(n'_jp) e^{-i2πf τ_jp} δ(t - τ_jp)  ─→  pulse, receiver, matched filter, noise
 
 a_j -> echoes around the head (`beam_domain.ping_echoes`); n_j -> direction of departure; n'_jp and τ_jp -> direction
-and time of reception, after the head has moved and turned. A ping is a row of one element on the beam grid, whose line
-stands across the turning direction of the head: Doppler differs along it.
+and time of reception, after the head has moved and turned.
 
 A platform that stands still has the same echoes at every ping: they are made once, and pings take those in their beam.
 """
@@ -17,16 +16,15 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.device.arrays import compressed
-from mitsonar.device.chance import ping_key
+from mitsonar.device.chance import Salt, ping_key, salted
 from mitsonar.device.rotations import rotation_matrix
 from mitsonar.imaging.sector_scan import mean_power
-from mitsonar.signal.beam_grid import NoiseDensity
 from mitsonar.sonar.motion.rotating_head import HeadTrajectory
 from mitsonar.sonar.motion.stepping import SteppedPing
 from mitsonar.sonar.motion.trajectory import Voyage
 from mitsonar.units import power_from_db
 
-from ..beam_domain.frames import add, line_beams
+from ..beam_domain.elements import ElementFrames
 from ..beam_domain.ground import FREE
 from ..beam_domain.line import LineArray
 from ..beam_domain.ping_echoes import PingEchoes
@@ -54,7 +52,7 @@ class StepSignals:
         self._echoes = PerSurroundings(survey, lambda part: PingEchoes(
             part, line, per_cell=part.per_cell, negligible=FAINTEST,
             turning=(axes, part.wavelength / receive.length)))
-        self._beams = PerSurroundings(survey, lambda part: line_beams(part, line.place, line.weight, np.zeros(1)))
+        self._frames = PerSurroundings(survey, ElementFrames)
 
     def power(self, bins: int, seed: int | None, progress: Callable[[float, float], None] | None = None) -> np.ndarray:
         """Return the mean power of all pings over bins, (P, bins) [µPa²].
@@ -70,14 +68,11 @@ class StepSignals:
 
     def of(self, ping: int, bins: int, seed: int | None) -> np.ndarray:
         """Return the mean power of one ping over bins, (bins,) [µPa²]; `seed` as of `power`."""
-        survey, beams, echoes = self._survey, self._beams.at(ping), self._echoes.at(ping)
-        noise = None if seed is None else NoiseDensity.of(survey.noise, survey.source_level_db)
-        grid = beams.grid()
-        for placed in self._received(ping, seed):
-            add(grid, echoes.received(ping, placed))
-        signal = beams.form(grid, doppler=echoes.doppler(ping), noise=noise,
-                            key=0 if seed is None else ping_key(seed, ping))
-        return mean_power(signal[0], bins) * power_from_db(survey.source_level_db)
+        echoes = self._echoes.at(ping)
+        received = [echoes.received(ping, placed) for placed in self._received(ping, seed)]
+        key = None if seed is None else salted(ping_key(seed, ping), Salt.BEAM_NOISE)
+        signal = self._frames.at(ping).signals(ping, received, echoes.doppler_classes(ping), key)
+        return mean_power(signal[0], bins) * power_from_db(self._survey.source_level_db)
 
     def _stands(self) -> bool:
         """Return True if the platform stands still, so that its echoes are kept; forget those of another place."""
