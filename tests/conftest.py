@@ -31,7 +31,8 @@ def pytest_generate_tests(metafunc):
         metafunc.parametrize("variant", metafunc.config.getoption("--variants").split(","), indirect=True)
 
 
-FIRST = "tests/structure/test_linters.py"     # pyright takes minutes of one core: the other process is busy meanwhile
+# Files of minutes come first: at the end they would leave the other process of two without work.
+FIRST = ("tests/structure/test_linters.py", "tests/structure/test_documentation.py")
 
 
 def pytest_collection_modifyitems(config, items):

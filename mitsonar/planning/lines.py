@@ -156,7 +156,7 @@ def fitted_segments(bed: PlannedBed, rays: SwathRays, lattice: Lattice, overlap:
     return segments
 
 
-def _farthest(fits, share, low, high):
+def _farthest(fits, share, low, high) -> float:
     """Return the largest offset that fits, between ``low``, which fits, and ``high``."""
     if fits(high, share):
         return high
@@ -166,7 +166,7 @@ def _farthest(fits, share, low, high):
     return low
 
 
-def _pulled_back(bed, rays, lattice, here, last, offset, farthest):
+def _pulled_back(bed, rays, lattice, here, last, offset, farthest) -> float:
     """Return the smallest offset whose swath still reaches the end of the area."""
     low, high = offset - farthest, offset
     for _ in range(_HALVINGS):

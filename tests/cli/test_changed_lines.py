@@ -3,6 +3,9 @@
 The line of `soundings_line` is exact in water of one speed: a motion that is right gives back the plane bed to the 2 mm
 of splines through 50 Hz; a level that is off by h moves all depths by h, and nothing else, to float32 of the file.
 """
+import functools
+from pathlib import Path
+
 import numpy as np
 import pytest
 from inertial_files import heave_group, navigation_group, write_sbet
@@ -42,10 +45,21 @@ def sbet(path="nav.sbet", clock=LEAPS, off=0.0):
                       heading + convergence, wander=0.2)
 
 
-def reduced(made, *options, output="out.nc"):
-    write(made, "line.nc")
-    assert main(["soundings", "line.nc", "-o", output, *options]) == 0
-    return mitsonar.read(output)
+@functools.cache
+def file_of(**wrong):
+    """The bytes of the line's file; made in the current folder."""
+    write(line(**wrong), "line.nc")
+    return Path("line.nc").read_bytes()
+
+
+def reduced(*options, **wrong):
+    Path("line.nc").write_bytes(file_of(**wrong))
+    return reduced_as_it_is(*options)
+
+
+def reduced_as_it_is(*options):
+    assert main(["soundings", "line.nc", "-o", "out.nc", *options]) == 0
+    return mitsonar.read("out.nc")
 
 
 def off(made):
@@ -61,24 +75,24 @@ def off(made):
 def test_a_level_moves_all_depths_by_itself(folder, options, moved):
     (folder / "tide.csv").write_text("time,height\n-10,0.5\n100,0.5\n")
     (folder / "dated.csv").write_text("time,height\n2026-05-01T09:00:00Z,0.25\n2026-05-01T11:00:00Z,0.25\n")
-    found = reduced(line(), *options)
+    found = reduced(*options)
     np.testing.assert_allclose(off(found), moved, atol=2e-3)
     np.testing.assert_allclose(found["tide"], -moved, atol=1e-5)
     assert found.attrs["heights"] == ("gnss" if "gnss" in options else "tide")
 
 
 def test_heights_need_no_right_draft(folder):
-    np.testing.assert_allclose(off(reduced(line(depth=0.4), "--tide", "0")), 0.4, atol=2e-3)
-    np.testing.assert_allclose(off(reduced(line(depth=0.4), "--heights", "gnss", "--separation", "39")), 0, atol=2e-3)
+    np.testing.assert_allclose(off(reduced("--tide", "0", depth=0.4)), 0.4, atol=2e-3)
+    np.testing.assert_allclose(off(reduced("--heights", "gnss", "--separation", "39", depth=0.4)), 0, atol=2e-3)
 
 
 @pytest.mark.parametrize("clock, name", [(LEAPS, "in GPS time"), (0.0, "in UTC")])
 def test_an_sbet_mends_a_wrong_motion_whatever_its_clock(folder, capfd, clock, name):
     """A roll that is 1 degree off moves the outer beams by 1.5 m."""
-    wrong = line(roll=np.radians(1.0), x=0.5, heading=0.02)
-    assert np.abs(off(reduced(wrong, "--tide", "0"))).max() > 1.0
+    wrong = {"roll": np.radians(1.0), "x": 0.5, "heading": 0.02}
+    assert np.abs(off(reduced("--tide", "0", **wrong))).max() > 1.0
     sbet(clock=clock)
-    found = reduced(wrong, "--navigation", "nav.sbet")
+    found = reduced("--navigation", "nav.sbet", **wrong)
     np.testing.assert_allclose(off(found), 0.0, atol=3e-3)
     said = capfd.readouterr().err
     assert f"the navigation {name} is 0.5" in said and "m rms from the line's positions" in said
@@ -87,7 +101,7 @@ def test_an_sbet_mends_a_wrong_motion_whatever_its_clock(folder, capfd, clock, n
 
 def test_heights_of_an_sbet_take_the_place_of_the_lines(folder):
     sbet(off=0.2)
-    found = reduced(line(), "--navigation", "nav.sbet", "--heights", "gnss", "--separation", "39")
+    found = reduced("--navigation", "nav.sbet", "--heights", "gnss", "--separation", "39")
     np.testing.assert_allclose(off(found), -0.2, atol=3e-3)
 
 
@@ -97,10 +111,11 @@ def test_delayed_heave_of_a_posmv_corrects_that_of_its_time(folder):
     wave = {of: 0.15 * np.sin(made[f"{of}_time"].values) for of in ("motion", "ping")}
     for of, more in wave.items():
         made[f"{of}_depth"] = variable(f"{of}_depth", made[f"{of}_depth"].values + more)
-    assert np.abs(off(reduced(made, "--tide", "0"))).max() > 0.1
+    write(made, "line.nc")
+    assert np.abs(off(reduced_as_it_is("--tide", "0"))).max() > 0.1
     groups = [heave_group(SECONDS + time, 0.0, 0.15 * np.sin(time)) for time in TIME]
     (folder / "heave.000").write_bytes(b"".join(groups))
-    np.testing.assert_allclose(off(reduced(made, "--heave", "heave.000")), 0.0, atol=3e-3)
+    np.testing.assert_allclose(off(reduced_as_it_is("--heave", "heave.000")), 0.0, atol=3e-3)
 
 
 def test_a_posmv_is_navigation_by_its_own_clock(folder):
@@ -109,7 +124,7 @@ def test_a_posmv_is_navigation_by_its_own_clock(folder):
     groups = [navigation_group(*row) for row in zip(SECONDS + TIME, latitude, longitude, LIFT - place[:, 2],
                                                    *attitude[:2], attitude[2] + np.degrees(convergence))]
     (folder / "nav.000").write_bytes(b"".join(groups))
-    found = reduced(line(pitch=np.radians(2.0)), "--navigation", "nav.000")
+    found = reduced("--navigation", "nav.000", pitch=np.radians(2.0))
     np.testing.assert_allclose(off(found), 0.0, atol=3e-3)
 
 
@@ -121,7 +136,7 @@ def test_a_posmv_is_navigation_by_its_own_clock(folder):
     (["--navigation", "points.csv"], "has no times or no latitudes"),
     (["--heave", "late.sbet"], "no two valid groups")])
 def test_what_does_not_belong_to_the_line_is_refused(folder, refusal, options, words):
-    write(line(), "line.nc")
+    (folder / "line.nc").write_bytes(file_of())
     sbet("late.sbet", clock=4000.0)
     place = _place(TIME)
     latitude, longitude, _ = FRAME.on_globe(place[:, :2] + 900.0)

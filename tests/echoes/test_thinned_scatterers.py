@@ -117,3 +117,13 @@ def test_what_is_never_in_reach_has_no_patches():
     geometry = Geometry(scenes.array_sonar({"seabed": scenes.bed(15.0, size=80.0), "sea": {"type": "sea_surface"}}))
     some = ThinnedScatterers(Scatterers(geometry, np.inf), farthest=20.0, places=np.array([[0.0, 0.0, -10.0]]))
     assert 1000 < some.patches < 4_000_000
+
+
+def test_of_a_large_facet_only_what_is_in_reach_is_cut():
+    """Two facets of 800 m and a reach of 30 m: the scatterers are those of facets that are cut as a whole."""
+    facets = Scatterers(Geometry(scenes.array_sonar({"seabed": scenes.bed(15.0)})), np.inf)
+    some, whole = (ThinnedScatterers(facets, farthest=REACH, places=np.array([[0.0, 0.0, -10.0]]), margin=margin)
+                   for margin in (0.0, 1000.0))
+    assert 30 * some.patches < whole.patches
+    for one, other in zip(existing(some, density()), existing(whole, density())):
+        np.testing.assert_array_equal(one, other)

@@ -4,8 +4,8 @@
 
 runs the blocks of pages in one process, each page in a folder of its own that has `scenes` in it. Blocks marked
 ``python`` are executed, each in a namespace of its own; of those marked ``bash`` every line is a command of mitsonar,
-and is run but for the one that runs the tests. A block after the line ``<!-- file: NAME -->`` becomes that file, and
-one after ``<!-- not run: REASON -->`` is left out.
+and is run but for the one that runs the tests; the demo has few pings. A block after the line ``<!-- file: NAME -->``
+becomes that file, and one after ``<!-- not run: REASON -->`` is left out.
 """
 import os
 import re
@@ -90,7 +90,9 @@ def links(text: str) -> list[str]:
 def run(page: Path) -> None:
     """Run a page's blocks in order, in a new folder below the current one; print the line of each block first."""
     from mitsonar.__main__ import main
+    from mitsonar.cli import rendering
 
+    rendering.DEMO["pings"] = 20       # of 560: the others only take longer
     folder = Path(page.stem)
     folder.mkdir()
     os.chdir(folder)

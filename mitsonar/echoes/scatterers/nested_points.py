@@ -90,7 +90,8 @@ def owner_of(u: Float, v: Float, seed: UInt32, count: UInt32) -> UInt32:
 
     Each of the first 4^L scatterers owns its triangle of level L, less the finer triangles that have an owner.
     """
-    one, U = type(u)(1), type(seed)
+    one: Any = type(u)(1)
+    U: Any = type(seed)
     owner, power, path, level = U(0), U(1), U(0), U(0)
     while power < count:
         middle = (u < 0.5) & (v < 0.5) & (u + v >= 0.5)

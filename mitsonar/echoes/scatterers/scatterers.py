@@ -226,9 +226,7 @@ class Scatterers:
         """Return True (F,) for facets that scatter, and come nearer than `farthest` [m] to the box of places or move.
         """
         # places (N, 3) [m]
-        low, high = places.min(0).astype(np.float32), places.max(0).astype(np.float32)
-        square = sum(np.square(np.clip(column, a, b) - column) for column, a, b in zip(self.centre.T, low, high))
-        distance = np.sqrt(square) - self.radius
+        distance = to_box(self.centre, places) - self.radius
         if self.geometry.sea is not None:
             distance[self.at_surface] -= self.geometry.sea.waves.crest
         return self.scattering & ((distance < farthest) | self.moving & ~self.at_surface)
@@ -393,6 +391,12 @@ class Scatterers:
         row = dr.gather(self.lib.Array4u, self._faces, facet)
         a, b, c = (mi.Point2f(dr.gather(self.lib.Array2f, self._texcoords, row[i], mapped)) for i in range(3))
         return dr.select(mapped, a * (1 - u - v) + b * u + c * v, mi.Point2f(u, v))
+
+
+def to_box(point: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """Return the distances (K,) of points (K, 3) from the smallest box that holds places (N, 3) [m]."""
+    low, high = places.min(0).astype(np.float32), places.max(0).astype(np.float32)
+    return np.sqrt(sum(np.square(np.clip(column, a, b) - column) for column, a, b in zip(point.T, low, high)))
 
 
 def _barycentric(point, a, b, c):

@@ -33,7 +33,7 @@ from mitsonar.scene.geometry import scattered_rows
 from .cells import divisions
 from .nested_points import LEVELS, MOST_OF_A_FACET
 from .patch_groups import FEWEST, PatchGroups
-from .scatterers import Cells, Scatterers
+from .scatterers import Cells, Scatterers, to_box
 
 EDGE_ON = 0.25                     # share of the density that a surface seen edge-on keeps
 NEAREST = 0.3                      # [m] range below which the density no longer grows
@@ -43,6 +43,7 @@ SHARE = 1 / 64                     # greatest length of a patch, relative to the
 ACROSS = 1.4                       # scatterers per equivalent width of a long face's two-way beam, over q
 LOBE = 1.0, 2.0                    # cells from the axis at which the main lobe begins and ends to fall off
 BESIDE = 0.5, 1 / 32               # share of scatterers one cell outside the lobe, falling as 1 / distance; least share
+COARSER = 3                        # levels up from a patch to the triangles that are left out beyond the reach
 SLACK = 1e-3                       # of limits that are computed for groups of patches
 BLOCK, SMALL_BLOCK = 1024, 64      # patches that are tested together when those of a ping are chosen
 
@@ -88,18 +89,20 @@ class ThinnedScatterers:
     With `everywhere`, pings may also come from other places than the given ones. Patches beyond the reach of those are
     coarser where a scene has many, and tested with the directions that they fill.
     """
-    # farthest [m]; places (P, 3) [m]
+    # farthest, margin [m]; places (P, 3) [m]
 
-    def __init__(self, facets: Scatterers, *, farthest: float, places: np.ndarray, everywhere: bool = False):
+    def __init__(self, facets: Scatterers, *, farthest: float, places: np.ndarray, everywhere: bool = False,
+                 margin: float = 0.0):
         self.lib, self._facets = arrays_of(mi.Float), facets
         near = facets.near(places, farthest)
         level = _levels(facets, farthest, near)
         if everywhere:
             level = np.maximum(level, _levels(facets, farthest, facets.scattering & ~near))
-        count = np.where(level < 0, 0, 4 ** np.maximum(level, 0))
-        self._facet = np.repeat(np.arange(len(count), dtype=np.uint32), count)
+        self._facet, first = _patches_of(level)
+        if not everywhere and level.max(initial=0) >= COARSER:
+            kept = _within(facets, level, self._facet, first, farthest + margin, places)
+            self._facet, first = self._facet[kept], first[kept]
         self._planned = near[self._facet] if everywhere else None
-        first = (np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)).astype(np.uint32)
         level = level[self._facet].astype(np.uint32)
         # for each patch: its facet, the first scatterer, and 2 L
         beyond = np.zeros_like(level) if self._planned is None else ~self._planned
@@ -238,6 +241,29 @@ def _levels(facets: Scatterers, farthest: float, wanted: np.ndarray) -> np.ndarr
     longest = max(farthest * SHARE, np.sqrt(area / MOST_PATCHES))
     level = np.ceil(np.log2(divisions(side, longest))).astype(np.int64)
     return np.where(wanted, np.minimum(level, LEVELS - 1), -1)
+
+
+def _patches_of(level: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return facets and first scatterers, uint32 (P,), of all patches of facets that are cut to levels (F,)."""
+    count = np.where(level < 0, 0, 4 ** np.maximum(level, 0))
+    facet = np.repeat(np.arange(len(count), dtype=np.uint32), count)
+    return facet, (np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)).astype(np.uint32)
+
+
+def _within(facets: Scatterers, level: np.ndarray, facet: np.ndarray, first: np.ndarray, farthest: float,
+            places: np.ndarray) -> np.ndarray:
+    """Return True (P,) for the patches of `_patches_of` in coarser triangles that reach into the range, or that move.
+
+    The triangle of a level in which scatterer k lies is that of the number k modulo 4^level.
+    """
+    level = np.where(level < 0, -1, np.maximum(level - COARSER, 0))
+    coarse, number = _patches_of(level)
+    corner = facets.triangles(coarse, number, level[coarse].astype(np.uint32), at_rest=True)
+    centre = corner.mean(1)
+    radius = np.linalg.norm(corner - centre[:, None], axis=-1).max(1)
+    within = facets.moving[coarse] | (to_box(centre, places) - radius < (1 + SLACK) * farthest)
+    begin = np.searchsorted(coarse, np.arange(len(level)))
+    return within[begin[facet] + (first & (4 ** np.maximum(level, 0) - 1).astype(np.uint32)[facet])]
 
 
 def _balls(centre: np.ndarray, radius: np.ndarray, block: int) -> tuple[np.ndarray, np.ndarray]:

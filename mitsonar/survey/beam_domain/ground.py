@@ -65,7 +65,7 @@ class Ground:
         self._facets = facets
         self._scatterers = beside._scatterers if beside is not None else ThinnedScatterers(
             facets, farthest=reach, places=survey.planned.track.position,
-            everywhere=survey.passage.stepping is not None)
+            everywhere=survey.passage.stepping is not None, margin=self.ensonification.margin)
         self._horizon = BedHorizon(geometry, self.farthest)
         self._objects = ObjectShadows(geometry, water, self.farthest)
         self._kinds = upload(mi.UInt32, geometry.named.label_kinds())
