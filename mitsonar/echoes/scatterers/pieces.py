@@ -15,7 +15,6 @@ middle, with that angle added to (+) or taken from (-) the angle that the bound 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import reduce
 
 import drjit as dr
 import mitsuba as mi
@@ -78,8 +77,6 @@ def pieces_in_reach(scatterers: Scatterers, facets: np.ndarray, origin: np.ndarr
         pieces = pieces.chosen((distance - pieces.radius < farthest) & (distance + pieces.radius > nearest))
         large = (pieces.radius > SHARE * farthest) & (pieces.cells > FEWEST)
         done.append(pieces.chosen(~large))
-        if not large.any():
-            break
         pieces = _cut(scatterers, pieces.chosen(large))
     return Pieces(**{name: np.concatenate([getattr(part, name) for part in done or [pieces]])
                      for name in vars(pieces)})
@@ -90,12 +87,7 @@ def _cut(scatterers: Scatterers, pieces: Pieces) -> Pieces:
     fields = {name: np.repeat(value, 4, axis=0) for name, value in vars(pieces).items()}
     fields["first"] = fields["first"] + (np.tile(np.arange(4), len(pieces.facet)) << 2 * fields["level"])
     fields["level"] = fields["level"] + 1
-    corners = scatterers.triangles(*(upload(mi.UInt32, fields[name].astype(np.uint32))
-                                     for name in ("facet", "first", "level")))
-    centre = sum(corners) / 3
-    radius = reduce(dr.maximum, (dr.norm(corner - centre) for corner in corners))
-    dr.eval(centre, radius)
-    fields["centre"], fields["radius"] = np.stack([axis.numpy() for axis in centre], 1), radius.numpy()
+    fields["centre"], fields["radius"] = scatterers.balls(fields["facet"], fields["first"], fields["level"])
     quarters = Pieces(**fields)
     return quarters.chosen(quarters.cells > 0)
 

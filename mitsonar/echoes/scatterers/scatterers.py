@@ -29,7 +29,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, reduce
 
 import drjit as dr
 import mitsuba as mi
@@ -260,6 +260,16 @@ class Scatterers:
         u, v, side = triangle_of(scrambled(k, dr.gather(mi.UInt32, self._seed, facet)), level)
         first, e, f = a + u * (b - a) + v * (c - a), side * (b - a), side * (c - a)
         return first, first + e, first + f
+
+    def balls(self, facet: np.ndarray, k: np.ndarray, level: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return middles (K, 3) and radii (K,) [m] of balls that hold the triangles of `triangles`."""
+        if not len(facet):
+            return np.zeros((0, 3), np.float32), np.zeros(0, np.float32)
+        corners = self.triangles(*(upload(mi.UInt32, part.astype(np.uint32)) for part in (facet, k, level)))
+        centre = sum(corners) / 3
+        radius = reduce(dr.maximum, (dr.norm(corner - centre) for corner in corners))
+        dr.eval(centre, radius)
+        return np.stack([axis.numpy() for axis in centre], 1), radius.numpy()
 
     def listed(self, runs: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
                most: int) -> Iterator[tuple[mi.UInt32, mi.UInt32]]:

@@ -258,9 +258,7 @@ def _within(facets: Scatterers, level: np.ndarray, facet: np.ndarray, first: np.
     """
     level = np.where(level < 0, -1, np.maximum(level - COARSER, 0))
     coarse, number = _patches_of(level)
-    corner = facets.triangles(coarse, number, level[coarse].astype(np.uint32), at_rest=True)
-    centre = corner.mean(1)
-    radius = np.linalg.norm(corner - centre[:, None], axis=-1).max(1)
+    centre, radius = facets.balls(coarse, number, level[coarse])
     within = facets.moving[coarse] | (to_box(centre, places) - radius < (1 + SLACK) * farthest)
     begin = np.searchsorted(coarse, np.arange(len(level)))
     return within[begin[facet] + (first & (4 ** np.maximum(level, 0) - 1).astype(np.uint32)[facet])]
