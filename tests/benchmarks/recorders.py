@@ -30,7 +30,7 @@ def main(argv=None):
     for name, values in SCENES.items():
         rays = {"rays": arguments.rays} if name == "sidescan_wreck" else {}
         scene = mitsonar.load_file(measuring.ROOT / "scenes" / f"{name}.xml", pings=arguments.pings, **rays, **values)
-        picture, whole = least(lambda scene=scene: mitsonar.render(scene), max(2, arguments.rounds // 2))
+        picture, whole = least(lambda scene=scene: mitsonar.render(scene), max(1, arguments.rounds // 2))
         recorder = scene.sensors()[0].recorder
         _, alone = least(lambda recorder=recorder, picture=picture: PingRecorder(recorder, 0).added(picture),
                          arguments.rounds)
