@@ -265,9 +265,9 @@ class Scatterers:
         """Return middles (K, 3) and radii (K,) [m] of balls that hold the triangles of `triangles`."""
         if not len(facet):
             return np.zeros((0, 3), np.float32), np.zeros(0, np.float32)
-        corners = self.triangles(*(upload(mi.UInt32, part.astype(np.uint32)) for part in (facet, k, level)))
-        centre = sum(corners) / 3
-        radius = reduce(dr.maximum, (dr.norm(corner - centre) for corner in corners))
+        a, b, c = self.triangles(*(upload(mi.UInt32, part.astype(np.uint32)) for part in (facet, k, level)))
+        centre = (a + b + c) / 3
+        radius = reduce(dr.maximum, (dr.norm(corner - centre) for corner in (a, b, c)))
         dr.eval(centre, radius)
         return np.stack([axis.numpy() for axis in centre], 1), radius.numpy()
 
