@@ -89,7 +89,7 @@ def test_an_empty_bin_lies_where_its_neighbours_do(variant):
     sums[0, 1] = 2.0 * np.array([1, 5, 6, 7])
     sums[0, 3] = 1.0 * np.array([1, 8, 9, 10])
     frame = FrameBins(np.linspace(-0.5, 0.5, beams + 1), lobe=0, lead=0, bins=bins)
-    energy, place, depth = frame.ground(floats(sums), None, None, origin)
+    energy, place, depth = frame.ground(floats(sums), None, origin)
     assert (energy == sums[..., 0]).all()
     first, both, last = (5, 6, 7), (6, 7, 8), (8, 9, 10)
     assert np.allclose(place[0], np.array([first, first, both, last]) + [100, 200, 0])
@@ -97,6 +97,6 @@ def test_an_empty_bin_lies_where_its_neighbours_do(variant):
     assert np.array_equal(depth, place[..., 2], equal_nan=True)
     others = np.zeros_like(sums)
     others[0, 3] = 3.0 * np.array([1, 0, 0, 2])
-    energy, again, depth = frame.ground(floats(sums), floats(others), upload(mi.UInt32, np.array([3])), origin)
+    energy, again, depth = frame.ground(floats(sums), floats(others), origin)
     assert np.array_equal(again, place, equal_nan=True) and (energy == sums[..., 0]).all()
     assert np.allclose(depth[0], [7, 7, 30 / 6, 16 / 4])                   # those of the bed and of others together

@@ -112,8 +112,9 @@ class ThinnedScatterers:
         table = self._table.numpy().reshape(-1, 8)
         self._groups: PatchGroups | None = None
         if len(table) >= FEWEST and not everywhere:
-            threshold = self._threshold(dr.arange(mi.UInt32, len(table))).numpy()
-            self._groups = PatchGroups(table, threshold, ~facets.moving[self._facet])
+            # as `_threshold` does, which would be a kernel that only some scenes of a kind have
+            threshold = (first.astype(np.float32) + facets.threshold[self._facet]) / np.float32(4) ** level
+            self._groups = PatchGroups(table, threshold.astype(np.float32), ~facets.moving[self._facet])
         # facets of a whole scene are many more than a ping reaches
         self._block = SMALL_BLOCK if everywhere else BLOCK
         self._blocks = _balls(table[:, :3], table[:, 7], self._block)

@@ -65,8 +65,9 @@ def add_by_stripes(lib: ArrayTypes, starts: np.ndarray, mine: np.ndarray, add: C
     lane = dr.arange(U, max(-(-used * lanes // LANES), least) * LANES)
     group = lane >> width
     lane -= group << width
-    begin = dr.gather(U, upload(U, first), group, group < count)
-    end = dr.gather(U, upload(U, last), group, group < count)
+    # one number more: a gather from a single one would be another kernel
+    begin, end = (dr.gather(U, upload(U, np.append(stripes, stripes[:1])), group, group < count)
+                  for stripes in (first, last))
     # a bundle of lanes takes a stretch of echoes, lane by lane
     stretch = NEIGHBOURS * dr.maximum((end - begin + (LANES - 1)) // LANES, ROUNDS)
     bundle = lane // NEIGHBOURS

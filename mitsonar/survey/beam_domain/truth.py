@@ -79,10 +79,10 @@ class FrameBins:
         return cell_sums(cell, beam, active, [energy, *(energy * axis for axis in place)], rows=self.beams,
                          columns=self.bins, word=word, count=counts.add)
 
-    def ground(self, sums: mi.Float, others: mi.Float | None, cell: mi.UInt32,
+    def ground(self, sums: mi.Float, others: mi.Float | None,
                origin: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the energies and mean places of `sums`, and the mean depths with the sums of other echoes added."""
-        # cell (R,) of the others; origin (3,) [m] -> energy (B, T), place (B, T, 3) [m], depth (B, T) [m]
+        # origin (3,) [m] -> energy (B, T), place (B, T, 3) [m], depth (B, T) [m]
         lib, index = arrays_of(mi.Float), dr.arange(mi.UInt32, self.cells)
         _, column = divided(lib, index, self.bins)
         last = dr.opaque(mi.UInt32, self.bins - 1)
@@ -98,9 +98,8 @@ class FrameBins:
         mean = self._mean(own, HARDLY * most, origin)
         depth = mean[2]
         if others is not None:
-            there = dr.gather(lib.Array4f, sums, cell)[0] + dr.gather(lib.Array4f, others, cell)[0]
             both = [part + other for part, other in zip(own, around(others))]
-            depth = self._mean(both, HARDLY * max(most, float(dr.max(there)[0])), np.zeros(3))[2]
+            depth = self._mean(both, HARDLY * float(dr.max(both[0][0])[0]), np.zeros(3))[2]
         # a row of four is written as one packet
         place = dr.empty(mi.Float, 4 * self.cells)
         dr.scatter(place, lib.Array4f(*mean, depth), index)
@@ -287,7 +286,9 @@ class FrameTruth:
         counts = CellCounts(bins.cells, lobe=in_lobe is not None)
         dr.schedule(listed, word)                       # made by the kernel of the sums
         sums = bins.sums(echoes, cell, beam, on_bed, word, counts)
-        planes, index, others = [], compressed(listed), None
+        # without objects in the image they are 0, so that it has the kernels of other images of the scene
+        others = dr.zeros(mi.Float, 4 * bins.cells) if len(self._seabed) < self._labels else None
+        planes, index = [], compressed(listed)
         if dr.width(index):
             few = entries(echoes, index)
             cell, beam, _ = bins.cell_of(few)
@@ -295,7 +296,7 @@ class FrameTruth:
             dr.eval(cell, few.energy, few.label)
             others = bins.sums(few, cell, beam, of_objects, dr.gather(mi.UInt32, word, index), counts)
             planes = list(self._planes(cell.numpy(), few.energy.numpy(), few.label.numpy()))
-        energy, place, depth = bins.ground(sums, others, cell, origin)
+        energy, place, depth = bins.ground(sums, others, origin)
         layover, rays, rays_in_beam = bins.counted(counts)
         seabed = [plane for plane in planes if plane.label in self._seabed] if several else [
             self._shown(label, energy, (0, bins.beams, 0, bins.bins)) for label in self._seabed]
