@@ -2,7 +2,7 @@
 
     y_n(f) = Σ_j a_j S_η(f) F(f) R(f) S_r*(f) / g e^{-κ(f) t_j} e^{-2πi (f0 + f) (τ_j - r_n·l_j/c)} e^{2πi f0 τ_j}
 
-What is left is what four taps in time leave of any echo: -57 dB of its peak.
+Four taps in time err by -57 dB of an echo's peak; this is what is left.
 """
 import drjit as dr
 import numpy as np

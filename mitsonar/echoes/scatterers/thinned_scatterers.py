@@ -108,13 +108,14 @@ class ThinnedScatterers:
         beyond = np.zeros_like(level) if self._planned is None else ~self._planned
         facts = np.stack([self._facet, first, 2 * level, beyond], 1, dtype=np.uint32)
         self._patches = upload(mi.UInt32, facts)
+        # numbers of scatterers above which the first one of a patch exists
+        threshold = (first.astype(np.float32) + facets.threshold[self._facet]) / np.ldexp(np.float32(1), 2 * level)
+        self._threshold = upload(mi.Float, threshold)
         self._table = self._rows_of(dr.arange(mi.UInt32, len(facts)))
         table = self._table.numpy().reshape(-1, 8)
         self._groups: PatchGroups | None = None
         if len(table) >= FEWEST and not everywhere:
-            # as `_threshold` does, which would be a kernel that only some scenes of a kind have
-            threshold = (first.astype(np.float32) + facets.threshold[self._facet]) / np.float32(4) ** level
-            self._groups = PatchGroups(table, threshold.astype(np.float32), ~facets.moving[self._facet])
+            self._groups = PatchGroups(table, threshold, ~facets.moving[self._facet])
         # facets of a whole scene are many more than a ping reaches
         self._block = SMALL_BLOCK if everywhere else BLOCK
         self._blocks = _balls(table[:, :3], table[:, 7], self._block)
@@ -176,7 +177,7 @@ class ThinnedScatterers:
             R + radius > dr.opaque(mi.Float, density.nearest)) & useful(
                 sight, dr.maximum(R - radius, NEAREST), self._filled(patch, radius / least))
         most = dr.minimum(_count(density, normal, sight, least, area, d, radius), self._most(patch))
-        number = dr.select(reached, dr.maximum(dr.ceil(most - self._threshold(patch)), 0), 0)
+        number = dr.select(reached, dr.maximum(dr.ceil(most - dr.gather(mi.Float, self._threshold, patch)), 0), 0)
         total = float(dr.sum(number)[0])
         if not total <= MOST:
             raise ValueError(f"A ping needs {total:.2g} scatterers of this scene; the limit is {MOST:.1e}. Use fewer "
@@ -225,11 +226,6 @@ class ThinnedScatterers:
         """Return the greatest number of scatterers of a patch."""
         twice_level = dr.gather(self.lib.Array4u, self._patches, patch)[2]
         return MOST_OF_A_FACET / mi.Float(mi.UInt32(1) << twice_level)
-
-    def _threshold(self, patch):
-        """Return the number of scatterers of a patch above which its first one exists."""
-        facet, first, twice_level, _ = dr.gather(self.lib.Array4u, self._patches, patch)
-        return (mi.Float(first) + self._facets.threshold_of(facet)) / mi.Float(mi.UInt32(1) << twice_level)
 
 
 def _levels(facets: Scatterers, farthest: float, wanted: np.ndarray) -> np.ndarray:

@@ -110,7 +110,8 @@ class LineResponse:
 
     def _pattern(self, weight: np.ndarray, wavenumber: np.ndarray, rows: ResponseRows) -> np.ndarray:
         """Return W_f(m ds) of weights (E,) as they are, turned back, m in order of an FFT: complex64 (F, period)."""
-        number, farthest = rows.numbers, np.abs(wavenumber).max() * rows.step * rows.period
+        number = rows.numbers
+        farthest = np.abs(wavenumber).max() * rows.step * np.abs(number).max()
         spacing = 1 / (2 * FINER * max(float(np.abs(self._position).max()), 1e-9))
         middle = int(np.ceil(farthest / spacing)) + 4
         a, b, c, d = _splines(_sums(self._position, weight, spacing, middle))
