@@ -107,7 +107,7 @@ def _of_scene(arguments: argparse.Namespace) -> xr.Dataset:
     """Return the image focused from a scene's echoes, simulated ping by ping, with the truth."""
     from mitsonar.device.files import described
     from mitsonar.io.scene_files import scenes
-    from mitsonar.scene.loading import load_file
+    from mitsonar.scene.loading import load_for_sonar
     from mitsonar.survey.synthetic_aperture.image import with_truth
     from mitsonar.verbs.strips import raw_pings, strip_survey
 
@@ -115,7 +115,7 @@ def _of_scene(arguments: argparse.Namespace) -> xr.Dataset:
     if os.path.isfile(path) and (content := described(path)):
         raise ValueError(f"{path} is {content}; focus needs a scene (.xml), or raw echoes (.nc or .h5) that mitsonar "
                          "signals writes.")
-    scene = load_file(path, **parameters(arguments))
+    scene = load_for_sonar(path, **parameters(arguments))
     survey = strip_survey(scene, sensor=arguments.sensor)
     first, last = _pings(arguments, survey.track.pings)
     pings = raw_pings(scene, arguments.seed, sensor=arguments.sensor, start=first)

@@ -85,11 +85,11 @@ def _signals(arguments):
 
     path = scenes.find(arguments.scene)
     check_output(arguments.output, (".nc",))
-    from mitsonar.scene.loading import load_file
+    from mitsonar.scene.loading import load_for_sonar
     from mitsonar.verbs.images import element_signals, impulse_response, opened, pings
 
     set_up(arguments.threads)
-    scene = load_file(path, **parameters(arguments))
+    scene = load_for_sonar(path, **parameters(arguments))
     if opened(scene, arguments.sensor)[1].kind == "synthetic_aperture":
         _write_strip(arguments, scene)
         return
@@ -154,12 +154,12 @@ def _with_estimate(pings: Iterator[xr.Dataset], start: int, count: int) -> Itera
 
 def _render_to(path, values, seed, output, preview, threads, sensor=0, tvg: Tvg = "recorder", processes=1):
     _check_outputs(output, preview)
-    from mitsonar import load_file
     from mitsonar.io.records import exr
+    from mitsonar.scene.loading import load_for_sonar
     from mitsonar.verbs.images import opened, rendered
 
     set_up(threads)
-    scene = load_file(path, **values)
+    scene = load_for_sonar(path, **values)
     asked = list(_sensors(scene, sensor))
     for which, _ in asked if preview and tvg == "counts" else ():
         if opened(scene, which)[1].recorder is None:
@@ -219,12 +219,13 @@ def _render_pings(arguments):
         raise ValueError("--processes and --each-ping are both given, and single pings are rendered in one process; "
                          "leave one of them out.")
     _check_outputs(arguments.output, None)
-    from mitsonar import frames, load_file
+    from mitsonar import frames
     from mitsonar.io.records import exr
+    from mitsonar.scene.loading import load_for_sonar
     from mitsonar.verbs.images import pings
 
     set_up(arguments.threads)
-    scene = load_file(scenes.find(arguments.scene), **parameters(arguments))
+    scene = load_for_sonar(scenes.find(arguments.scene), **parameters(arguments))
     if arguments.sensor == EVERY:
         raise ValueError("--sensor all and --each-ping are both given; name one sonar, or leave one of them out.")
     images = frames(scene, seed=arguments.seed, sensor=arguments.sensor)

@@ -171,11 +171,11 @@ def _options(arguments):
 
 def _sounder(arguments, options):
     """Return the number of pings of a scene's line, and a function that yields pings by their numbers."""
-    from mitsonar.scene.loading import load_file
+    from mitsonar.scene.loading import load_for_sonar
     from mitsonar.verbs.images import sounder
 
     set_up(arguments.threads)
-    return sounder(load_file(scenes.find(arguments.scene), **parameters(arguments)), arguments.seed, **options)
+    return sounder(load_for_sonar(scenes.find(arguments.scene), **parameters(arguments)), arguments.seed, **options)
 
 
 def _estimate(arguments, place):

@@ -121,14 +121,14 @@ class RenderedImage:
 
 def rendered(plan: Plan, index: int) -> SonarImage:
     """Render an image of a plan, with further draws as a sweep makes them; `ValueError` if its scene is refused."""
-    from mitsonar.scene.loading import load_file
+    from mitsonar.scene.loading import load_for_sonar
     from mitsonar.verbs.images import render
 
     with _within(os.path.dirname(plan.path)):          # where a sweep's files are searched, too
         for again in range(1 + (MOST_REDRAWN if plan.redraw else 0)):
             given: Mapping[str, Any] = job(plan, plan.render(index, again), None, {})
             try:
-                scene = load_file(given["scene"], **given["parameters"])
+                scene = load_for_sonar(given["scene"], **given["parameters"])
             except ValueError:
                 if again < MOST_REDRAWN and plan.redraw:
                     continue

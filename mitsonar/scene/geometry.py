@@ -30,8 +30,9 @@ from .protocols import (
     sound_material,
     target_shape,
 )
+from .queries.height_field import FieldsAndScene, HeightField, large_grid
+from .queries.two_scenes import MovingScene, TwoScenes, scene_of
 from .sea import Sea, SeaStand, WavySurface, wavy_surface
-from .two_scenes import MovingScene, TwoScenes, scene_of
 
 MANY = 1 << 19                     # facets, of whose tables memory is given back
 
@@ -123,6 +124,8 @@ class Geometry:
                          if (surface := wavy_surface(shape)) is not None), None)
         if self.sea is not None or any(moving_shape(shape) is not None for shape in shapes):
             registry, copies = self._moved_apart(scene, registry)
+        else:
+            self.scene = self.still = self._standing(scene, {}, registry)
         self.bodies: list[MovingBody] = []
         seas: list[MovingSea] = []
         self.stands: list[Stand | SeaStand] = []
@@ -226,9 +229,7 @@ class Geometry:
             [shape for shape in shapes if wavy_surface(shape) is not None and not is_mirror(shape)])]
         scenes = [MovingScene(list(group.values())) if group else None for group in groups]
         self.moving_scene, copies = scenes[0], {**groups[0], **groups[1]}
-        if not copies:
-            return registry, copies
-        self.still = scene_of([shape for shape in shapes if shape.id() not in copies])
+        self.still = self._standing(scene, copies, registry)
         self.scene, index, self._moving_scenes = self.still, {}, []
         for group, moving in zip(groups, scenes):
             if moving is not None:
@@ -236,6 +237,18 @@ class Geometry:
                 index.update(zip(group, moving.registry))
                 self._moving_scenes.append((moving, {*group}))
         return np.array([index.get(shape.id(), own) for shape, own in zip(shapes, registry)], np.uint32), copies
+
+    def _standing(self, scene: mi.Scene, copies: dict, registry: np.ndarray) -> mi.Scene:
+        """Return the scene of what has no copy, in which large beds that are grids need no tree."""
+        fields, others, shapes = [], [], scene.shapes()
+        for shape, index in zip(shapes, registry):
+            if shape.id() not in copies and (grid := large_grid(shape)) is not None:
+                fields.append(HeightField(grid, int(index)))
+            elif shape.id() not in copies:
+                others.append(shape)
+        if fields:
+            return cast(mi.Scene, FieldsAndScene(scene, fields, scene_of(others) if others else None))
+        return scene_of(others) if copies else scene
 
     @property
     def moves(self) -> bool:

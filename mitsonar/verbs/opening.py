@@ -9,7 +9,7 @@ import mitsuba as mi
 
 from mitsonar.device.files import FilePath
 from mitsonar.device.spelling import meant
-from mitsonar.scene.loading import load_file, prepare
+from mitsonar.scene.loading import load_for_sonar, prepare
 from mitsonar.survey.integrator import SoundIntegrator, integrator_of
 from mitsonar.survey.sensor import Sensor, sonar_of
 
@@ -23,7 +23,7 @@ def opened(scene: mi.Scene | FilePath, sensor: int | str = 0,
         if not isinstance(scene, (str, os.PathLike)):
             raise TypeError(f"expected a scene of the variant {mi.variant()} or the path of a file, got a "
                             f"{type(scene).__name__}; load the scene after mi.set_variant")
-        scene = load_file(scene, **(parameters or {}))
+        scene = load_for_sonar(scene, **(parameters or {}))
     elif parameters:
         raise TypeError(f"{', '.join(parameters)}: no argument has this name, and this scene is already loaded, so it "
                         "takes no parameters; give them to mitsonar.load_file")

@@ -44,6 +44,7 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.io.grids import bathymetry, sediment_map
+from mitsonar.scene.queries.height_field import withhold
 
 from ..attributes import Attributes, Boolean, Choice, File, Integer, Nested, Number, Numbers, Text, TextOrFile
 from .grid_mesh import SMOOTH_NORMALS, TO_WORLD, fill, triangulate
@@ -133,6 +134,8 @@ class Bathymetry(mi.Mesh):
                                  ("second_share", painting.share)):
                 painted: Any = mi.Float(values.astype(np.float32))
                 self.add_attribute(f"face_{name}", 1, painted)
+        else:
+            withhold(self)                             # attributes of faces need the faces
         self.sediments = [] if table is None else table.sediments
         self.survey = survey
         self.local_origin = survey.local_origin

@@ -7,13 +7,14 @@ are there from the beginning.
 """
 import threading
 from dataclasses import dataclass
-from typing import Any, Protocol, cast, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 from mitsonar.scene.protocols import BedShape
+from mitsonar.scene.queries.height_field import mesh_arrays
 from mitsonar.seabed.scour import Footprint, Scour
 
 from ..attributes import Angle, Attributes, Nested, Number
@@ -69,13 +70,6 @@ def scour_of(attributes: Attributes) -> Scour | None:
                      heap=attributes.scour_heap, heading=attributes.scour_heading_deg)
     except ValueError as error:
         raise attributes.error(error) from None
-
-
-def mesh_arrays(shape: mi.Shape) -> tuple[np.ndarray, np.ndarray]:
-    """Return the vertices (V, 3) [m] and faces (F, 3) of a mesh."""
-    parameters = mi.traverse(shape)
-    vertices, faces = (cast(Any, parameters[name]).numpy().reshape(-1, 3) for name in ("vertex_positions", "faces"))
-    return vertices, faces
 
 
 def vertices_before(shape: mi.Mesh) -> np.ndarray:

@@ -21,6 +21,7 @@ About objects that the shape refers to by `<ref>`, and about `targets` that have
 import mitsuba as mi
 import numpy as np
 
+from mitsonar.scene.queries.height_field import withhold
 from mitsonar.seabed.fractal import Fractal
 from mitsonar.seabed.marks import DragMarks, PockMarks, SandRibbons
 from mitsonar.seabed.relief import Plane, Sinusoid
@@ -129,6 +130,7 @@ class Seabed(mi.Mesh):
                          has_vertex_normals=attributes.smooth_normals, has_vertex_texcoords=True)
         fill(self, grid)
         scour_about_standing(attributes, self)
+        withhold(self)
         self._description = f"Seabed[{y.size} x {x.size} nodes at {spacing} m, depth {depth} m, {relief}]"
 
     def to_string(self) -> str:

@@ -14,7 +14,8 @@ SOURCES = sorted(path for room in ("mitsonar", "plugins") for path in (ROOT / ro
 OWNED = "NoConflicts", "Expand", "block_mkperm"
 #: files that ask for the backend; each has a way for every other backend, or refuses it in a sentence
 ASK = {"mitsonar/device/arrays.py", "mitsonar/echoes/sums/energy_sums.py", "mitsonar/scene/geometry.py",
-       "mitsonar/scene/loading.py", "mitsonar/signal/accumulation.py", "mitsonar/signal/beam_grid/spreading.py",
+       "mitsonar/scene/loading.py", "mitsonar/scene/queries/height_field.py",
+       "mitsonar/signal/accumulation.py", "mitsonar/signal/beam_grid/spreading.py",
        "mitsonar/signal/beam_grid/stripes.py", "mitsonar/signal/beam_grid/transforms.py",
        "mitsonar/survey/beam_domain/ground.py", "mitsonar/cli/setup/doctor.py"}
 COPIED = "astype", "copy", "flatten", "tobytes", "sum", "max", "min", "any", "all", "item", "tolist", "mean"

@@ -17,9 +17,9 @@ from ..geometry import Geometry
 from ..labels import OBJECT
 from ..moving import moving_shape
 from ..protocols import target_shape
+from ..queries.two_scenes import asked_together
 from ..tracing.tracer import Sources, Tracer, angles
 from ..tracing.water import DeviceWater
-from ..two_scenes import asked_together
 from .occlusion import LIFT, LIFT_PER_RANGE, TOLERANCE, along_fan
 
 SECTORS = 1024                     # of azimuth

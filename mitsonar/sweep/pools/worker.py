@@ -78,17 +78,18 @@ def _do(job, threads):
     mi.set_log_level(mi.LogLevel.Error)
     if dr.thread_count() != threads:
         dr.set_thread_count(threads)
-    from mitsonar import load_file, render
+    from mitsonar import render
     from mitsonar.io.records import exr
+    from mitsonar.scene.loading import load_for_sonar
 
     from . import picture_jobs, sounding_jobs
 
     if "part" in job:
-        return picture_jobs.part(job, lambda: load_file(job["scene"], **job["parameters"]))
+        return picture_jobs.part(job, lambda: load_for_sonar(job["scene"], **job["parameters"]))
     if "pings" in job:
-        return sounding_jobs.block(job, lambda: load_file(job["scene"], **job["parameters"]))
+        return sounding_jobs.block(job, lambda: load_for_sonar(job["scene"], **job["parameters"]))
     try:
-        scene = load_file(job["scene"], **job["parameters"])
+        scene = load_for_sonar(job["scene"], **job["parameters"])
     except ValueError as error:
         raise _Refused(str(error)) from error
     if job["output"] is None:

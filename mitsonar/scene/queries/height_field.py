@@ -1,0 +1,271 @@
+"""Large beds whose vertices are the nodes of a grid: their first hits are found by walking the cells under a ray.
+
+A tree over a million triangles takes half a second to build and a hundred megabytes, and rays read it all over. A ray
+over a grid knows which cell comes next (Amanatides and Woo 1987, Eurographics), and passes a block of 8 x 8 at
+once where it is above the block's greatest or below its least height (Musgrave 1988, Yale technical report 639). Within
+a cell, both triangles are planes over the unit square. With x, y in cells from the corner `here`, z the heights:
+
+    lower:  z_here  + x (z_east - z_here)    + y (z_north - z_here)           x + y <= 1
+    upper:  z_across - (1 - x)(z_across - z_north) - (1 - y)(z_across - z_east)     x + y > 1
+
+and the ray o + t d meets a plane z = a + b x + c y at t = (a + b o_x + c o_y - o_z) / (d_z - b d_x - c d_y).
+"""
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from typing import Any, cast
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mitsonar.device.arrays import arrays_of, held, reinterpreted, upload
+from mitsonar.device.types import ArrayTypes, Record
+
+FEWEST = 1 << 20                   # triangles from which on walking beats a tree
+BITS = 3
+BLOCK = 1 << BITS                  # cells along a side of a block
+OFF_NODE = 5e-4                    # cells that a vertex may lie off its node
+EDGE = 2e-3                        # cells by which triangles are widened, so that no ray passes between two
+LEVEL = 1e-9                       # cells a metre: the slowest way across cells that is divided by
+SPARE = 1e-3                       # [m] above the highest and below the lowest node where rays begin and end
+
+
+class HeightGrid(Record):
+    """Heights of a mesh that is a grid: rows run north from `corner`, columns east; two triangles a cell."""
+
+    corner: np.ndarray             # (2,) [m]
+    spacing: np.ndarray            # (2,) [m]: along x and y
+    heights: np.ndarray            # (rows, columns) float32 [m]
+
+
+def as_grid(vertices: np.ndarray, faces: np.ndarray) -> HeightGrid | None:
+    """Return the grid that a mesh of vertices (V, 3) [m] and faces (F, 3) is in the order of `triangulate`, or None."""
+    columns = int(np.argmax(vertices[:, 1] != vertices[0, 1]))
+    rows = len(vertices) // max(columns, 1)
+    if min(columns, rows) < 2 or rows * columns != len(vertices) or len(faces) != 2 * (rows - 1) * (columns - 1):
+        return None
+    nodes = vertices.reshape(rows, columns, 3)
+    corner, far = nodes[0, 0, :2].astype(float), nodes[-1, -1, :2].astype(float)
+    spacing = (far - corner) / (columns - 1, rows - 1)
+    if not (spacing > 0).all() or not np.isfinite(vertices[:, 2]).all():
+        return None
+    x, y = (corner[axis] + spacing[axis] * np.arange(count) for axis, count in ((0, columns), (1, rows)))
+    if (np.abs(nodes[..., 0] - x).max() > OFF_NODE * spacing[0]
+            or np.abs(nodes[..., 1] - y[:, None]).max() > OFF_NODE * spacing[1]):
+        return None
+    here = np.arange(columns - 1, dtype=np.uint32)[:, None]
+    cell = (here + np.array([0, 1, columns, 1, columns + 1, columns], np.uint32)).ravel()
+    first = (np.arange(rows - 1, dtype=np.uint32) * np.uint32(columns))[:, None]
+    if not np.array_equal(faces.reshape(rows - 1, -1), first + cell):
+        return None
+    return HeightGrid(corner=corner, spacing=spacing, heights=np.ascontiguousarray(nodes[..., 2]))
+
+
+def large_grid(shape: mi.Shape) -> HeightGrid | None:
+    """Return the grid that a large mesh is, which is walked without a tree; None for any other shape."""
+    if dr.backend_v(mi.Float) != dr.JitBackend.LLVM or "vertex_positions" not in mi.traverse(shape):
+        return None                    # a graphics card has hardware for trees
+    vertices, faces = mesh_arrays(shape)
+    return as_grid(vertices, faces) if len(faces) >= FEWEST else None
+
+
+def mesh_arrays(shape: mi.Shape) -> tuple[np.ndarray, np.ndarray]:
+    """Return the vertices (V, 3) [m] and faces (F, 3) of a mesh, those withheld from Mitsuba, too."""
+    parameters: Any = mi.traverse(shape)
+    vertices, faces = (dr.detach(parameters[name]).numpy().reshape(-1, 3) for name in ("vertex_positions", "faces"))
+    return vertices, next((own for mesh, own in _withheld or () if mesh is shape), faces)
+
+
+_withheld: list[tuple[mi.Mesh, np.ndarray]] | None = None      # large grids made meanwhile, and their faces (F, 3)
+
+
+def withhold(mesh: mi.Mesh) -> None:
+    """Show Mitsuba a single face without extent in place of those of a large grid, until `without_trees` ends."""
+    if _withheld is not None and large_grid(mesh) is not None:
+        _withheld.append((mesh, mesh_arrays(mesh)[1].copy()))
+        _show(mesh, np.zeros((1, 3), np.uint32))
+
+
+@contextlib.contextmanager
+def without_trees() -> Iterator[list[mi.Mesh]]:
+    """Let Mitsuba build no trees of large grids made meanwhile; yield a list that names them afterwards.
+
+    Only `FieldsAndScene` finds them then. One thread at a time.
+    """
+    global _withheld
+    meshes: list[mi.Mesh] = []
+    _withheld = []
+    try:
+        yield meshes
+    finally:
+        waiting, _withheld = _withheld, None
+        for mesh, faces in waiting:
+            _show(mesh, faces)
+            meshes.append(mesh)
+
+
+def _show(mesh: mi.Mesh, faces: np.ndarray) -> None:
+    parameters = mi.traverse(mesh)
+    parameters["faces"] = mi.UInt32(faces.ravel())
+    parameters.update()
+    dr.eval()
+
+
+class HeightField:
+    """First hits of rays on a grid of heights, as on the mesh `shape` with a row `registry` of Mitsuba's registry."""
+
+    def __init__(self, grid: HeightGrid, registry: int):
+        self.lib = arrays_of(mi.Float)
+        heights = grid.heights
+        corners = np.stack([heights[:-1, :-1], heights[:-1, 1:], heights[1:, :-1], heights[1:, 1:]], -1)
+        rows, columns = corners.shape[:2]
+        least, most = (_of_blocks(extreme, heights) for extreme in (np.minimum, np.maximum))
+        # four heights of a cell are one aligned packet, and the two of a block half of one
+        self._cells, self._blocks = upload(mi.Float, corners), upload(mi.Float, np.stack([least, most], -1))
+        self._counts = [dr.opaque(mi.UInt32, count) for count in (columns, rows, least.shape[1], registry)]
+        self._numbers = [dr.opaque(mi.Float, float(number)) for number in (
+            *grid.corner, *(1 / grid.spacing), least.min() - SPARE, most.max() + SPARE)]
+        dr.eval(self._cells, self._blocks)
+
+    def ray_intersect_preliminary(self, ray: mi.Ray3f, coherent: object = False,
+                                  active: mi.Bool | bool = True) -> mi.PreliminaryIntersection3f:
+        """Return the first hits, as `mi.Scene` does."""
+        with dr.suspend_grad():
+            distance, column, row, x, y = _walked(self.lib, self._cells, self._blocks, self._counts, self._numbers,
+                                                  dr.detach(ray), mi.Bool(active))
+            found, upper = distance < dr.inf, x + y > 1
+            pi = dr.zeros(mi.PreliminaryIntersection3f)
+            pi.valid, pi.t = found, distance
+            pi.prim_index = 2 * (row * self._counts[0] + column) + dr.select(upper, mi.UInt32(1), 0)
+            # corners of the lower triangle: here, east, north; of the upper one: east, across, north
+            pi.prim_uv = mi.Point2f(dr.select(upper, dr.maximum(x + y - 1, 0), x), dr.select(upper, 1 - x, y))
+            pi.shape = reinterpreted(mi.ShapePtr, dr.select(found, self._counts[3], 0))
+        return pi
+
+
+class FieldsAndScene:
+    """Height fields and a scene of all else, with the queries of a scene; `whole` lists the shapes as loaded."""
+
+    def __init__(self, whole: mi.Scene, fields: list[HeightField], scene: mi.Scene | None):
+        self.whole, self.fields, self.scene = whole, fields, scene
+
+    def shapes(self) -> list[mi.Shape]:
+        """Return the shapes as they were loaded."""
+        return self.whole.shapes()
+
+    def ray_intersect_preliminary(self, ray: mi.Ray3f, coherent: object = False,
+                                  active: mi.Bool | bool = True) -> mi.PreliminaryIntersection3f:
+        """Return the nearest hits, as `mi.Scene` does."""
+        nearest, nearer = None, mi.Ray3f(dr.detach(ray))
+        for field in self.fields:
+            found = field.ray_intersect_preliminary(nearer, coherent, active)
+            nearest = found if nearest is None else dr.select(found.is_valid(), found, nearest)
+            nearer.maxt = dr.minimum(nearer.maxt, found.t)
+        if self.scene is not None:
+            found = self.scene.ray_intersect_preliminary(nearer, coherent=coherent, active=active)
+            nearest = dr.select(found.is_valid(), found, nearest)
+        return cast(mi.PreliminaryIntersection3f, nearest)
+
+    def ray_intersect(self, ray: mi.Ray3f, active: mi.Bool | bool = True) -> mi.SurfaceInteraction3f:
+        """Return the nearest interactions, as `mi.Scene` does."""
+        found = self.ray_intersect_preliminary(ray, active=active)
+        return found.compute_surface_interaction(ray, mi.RayFlags.All, active)
+
+    def ray_test(self, ray: mi.Ray3f, coherent: object = False, active: mi.Bool | bool = True) -> mi.Bool:
+        """Return True for rays that meet anything, as `mi.Scene` does."""
+        met = mi.Bool(False)
+        if self.scene is not None:
+            met = self.scene.ray_test(ray, coherent=coherent, active=active)
+        for field in self.fields:
+            met |= field.ray_intersect_preliminary(ray, coherent, mi.Bool(active) & ~met).is_valid()
+        return met
+
+
+def _of_blocks(extreme: np.ufunc, heights: np.ndarray) -> np.ndarray:
+    """Return the extreme heights of blocks of cells, whose nodes (rows, columns) on the edges belong to both sides."""
+    for axis in (0, 1):
+        nodes, cells = np.moveaxis(heights, axis, 0), heights.shape[axis] - 1
+        starts = np.arange(0, cells, BLOCK)
+        ends = nodes[np.minimum(starts + BLOCK, cells)]
+        heights = np.moveaxis(extreme(extreme.reduceat(nodes[:-1], starts), ends), 0, axis)
+    return heights
+
+
+@dr.syntax
+def _walked(lib: ArrayTypes, cells: mi.Float, blocks: mi.Float, counts: list[mi.UInt32], numbers: list[mi.Float],
+            ray: mi.Ray3f, active: mi.Bool):
+    """Follow rays (R,) to their first hits: distance [m], infinite without one, column and row of the cell, x and y."""
+    columns, rows, blocks_across, _ = counts
+    x0, y0, per_x, per_y, lowest, highest = numbers
+    o, d = ray.o, ray.d
+    px, py, dx, dy = (o.x - x0) * per_x, (o.y - y0) * per_y, d.x * per_x, d.y * per_y
+    dx = dr.select(abs(dx) < LEVEL, LEVEL, dx)
+    dy = dr.select(abs(dy) < LEVEL, LEVEL, dy)
+    dz = dr.select(abs(d.z) < LEVEL, LEVEL, d.z)
+    metres_x, metres_y, metres_z = dr.rcp(dx), dr.rcp(dy), dr.rcp(dz)
+    east, north = dx > 0, dy > 0
+    ahead_x, ahead_y = dr.select(east, mi.Float(1), 0), dr.select(north, mi.Float(1), 0)
+    step_x, step_y = dr.select(east, mi.Int32(1), -1), dr.select(north, mi.Int32(1), -1)
+    # the ray within the box of the grid
+    ends = [(-px * metres_x, (mi.Float(columns) - px) * metres_x), (-py * metres_y, (mi.Float(rows) - py) * metres_y),
+            ((lowest - o.z) * metres_z, (highest - o.z) * metres_z)]
+    t, end = mi.Float(0), mi.Float(ray.maxt)
+    for a, b in ends:
+        t, end = dr.maximum(t, dr.minimum(a, b)), dr.minimum(end, dr.maximum(a, b))
+    # -------------------------------------------------- loop state
+    fine = mi.Bool(False)                                        # within a block that may be hit
+    column = mi.Int32(held(dr.fma(t, dx, px), 0.0, mi.Float(columns) - 1)) // BLOCK     # of a block, or of a cell
+    row = mi.Int32(held(dr.fma(t, dy, py), 0.0, mi.Float(rows) - 1)) // BLOCK
+    best = mi.Float(dr.inf)
+    active = mi.Bool(active) & (t <= end)
+    while active:
+        side = dr.select(fine, mi.Float(1), BLOCK)
+        out_x = dr.fma(mi.Float(column) + ahead_x, side, -px) * metres_x
+        out_y = dr.fma(mi.Float(row) + ahead_y, side, -py) * metres_y
+        out = dr.maximum(dr.minimum(dr.minimum(out_x, out_y), end), t)
+        met, enter = mi.Float(dr.inf), mi.Bool(False)
+        if fine:
+            z = dr.gather(lib.Array4f, cells, mi.UInt32(row) * columns + mi.UInt32(column), active)
+            x, y = px - mi.Float(column), py - mi.Float(row)
+            b, c = z[1] - z[0], z[2] - z[0]
+            lower = (z[0] + dr.fma(b, x, c * y) - o.z) * dr.rcp(d.z - dr.fma(b, dx, c * dy))
+            at_x, at_y = dr.fma(lower, dx, x), dr.fma(lower, dy, y)
+            good = (lower >= 0) & (lower <= ray.maxt) & (at_x >= -EDGE) & (at_y >= -EDGE) & (at_x + at_y <= 1 + EDGE)
+            met = dr.select(good, lower, met)
+            b, c = z[3] - z[2], z[3] - z[1]
+            upper = (z[3] + dr.fma(b, x - 1, c * (y - 1)) - o.z) * dr.rcp(d.z - dr.fma(b, dx, c * dy))
+            at_x, at_y = dr.fma(upper, dx, x), dr.fma(upper, dy, y)
+            good = ((upper >= 0) & (upper <= ray.maxt) & (at_x <= 1 + EDGE) & (at_y <= 1 + EDGE)
+                    & (at_x + at_y >= 1 - EDGE))
+            met = dr.select(good, dr.minimum(met, upper), met)
+        else:
+            span = dr.gather(lib.Array2f, blocks, mi.UInt32(row) * blocks_across + mi.UInt32(column), active)
+            here, there = dr.fma(t, d.z, o.z), dr.fma(out, d.z, o.z)
+            enter = (dr.minimum(here, there) <= span[1] + SPARE) & (dr.maximum(here, there) >= span[0] - SPARE)
+        best = dr.select(active, dr.minimum(best, met), best)
+        active &= ~(best < dr.inf)
+        # into the block, at the cell where the ray enters it
+        first_column, first_row = column * BLOCK, row * BLOCK
+        inner_column = dr.clip(mi.Int32(dr.floor(dr.fma(t, dx, px))), first_column,
+                               dr.minimum(first_column + (BLOCK - 1), mi.Int32(columns) - 1))
+        inner_row = dr.clip(mi.Int32(dr.floor(dr.fma(t, dy, py))), first_row,
+                            dr.minimum(first_row + (BLOCK - 1), mi.Int32(rows) - 1))
+        # or on to the next block or cell
+        across = out_x <= out_y
+        next_column, next_row = dr.select(across, column + step_x, column), dr.select(across, row, row + step_y)
+        left = fine & (((next_column >> BITS) != (column >> BITS)) | ((next_row >> BITS) != (row >> BITS)))
+        next_column = dr.select(left, next_column >> BITS, next_column)
+        next_row = dr.select(left, next_row >> BITS, next_row)
+        column = dr.select(active, dr.select(enter, inner_column, next_column), column)
+        row = dr.select(active, dr.select(enter, inner_row, next_row), row)
+        t = dr.select(enter, t, out)
+        fine = (fine & ~left) | enter
+        limit_x = dr.select(fine, mi.Int32(columns), mi.Int32(blocks_across))
+        limit_y = dr.select(fine, mi.Int32(rows), (mi.Int32(rows) + (BLOCK - 1)) >> BITS)
+        active &= enter | (t < end)
+        active &= (column >= 0) & (row >= 0) & (column < limit_x) & (row < limit_y)
+    x = held(dr.fma(best, dx, px) - mi.Float(column), 0.0, 1.0)
+    y = held(dr.fma(best, dy, py) - mi.Float(row), 0.0, 1.0)
+    return best, mi.UInt32(column), mi.UInt32(row), x, y
