@@ -30,8 +30,8 @@ from .protocols import (
     sound_material,
     target_shape,
 )
-from .queries.height_field import FieldsAndScene, HeightField, large_grid
-from .queries.two_scenes import MovingScene, TwoScenes, scene_of
+from .queries.height_field import HeightField, large_grid
+from .queries.several_scenes import MovingScene, SeveralScenes, scene_of
 from .sea import Sea, SeaStand, WavySurface, wavy_surface
 
 MANY = 1 << 19                     # facets, of whose tables memory is given back
@@ -233,21 +233,23 @@ class Geometry:
         self.scene, index, self._moving_scenes = self.still, {}, []
         for group, moving in zip(groups, scenes):
             if moving is not None:
-                self.scene = cast(mi.Scene, TwoScenes(scene, self.scene, moving))
+                self.scene = cast(mi.Scene, SeveralScenes(scene, self.scene, moving))
                 index.update(zip(group, moving.registry))
                 self._moving_scenes.append((moving, {*group}))
         return np.array([index.get(shape.id(), own) for shape, own in zip(shapes, registry)], np.uint32), copies
 
     def _standing(self, scene: mi.Scene, copies: dict, registry: np.ndarray) -> mi.Scene:
         """Return the scene of what has no copy, in which large beds that are grids need no tree."""
-        fields, others, shapes = [], [], scene.shapes()
-        for shape, index in zip(shapes, registry):
-            if shape.id() not in copies and (grid := large_grid(shape)) is not None:
-                fields.append(HeightField(grid, int(index)))
-            elif shape.id() not in copies:
+        fields, others = [], []
+        for shape, index in zip(scene.shapes(), registry):
+            if shape.id() in copies:
+                continue
+            if (grid := large_grid(shape)) is None:
                 others.append(shape)
+            else:
+                fields.append(HeightField(grid, int(index)))
         if fields:
-            return cast(mi.Scene, FieldsAndScene(scene, fields, scene_of(others) if others else None))
+            return cast(mi.Scene, SeveralScenes(scene, *fields, *([scene_of(others)] if others else [])))
         return scene_of(others) if copies else scene
 
     @property

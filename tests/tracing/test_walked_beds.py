@@ -12,7 +12,8 @@ import pytest
 import mitsonar
 from mitsonar.scene.loading import load_file, load_for_sonar
 from mitsonar.scene.queries import height_field
-from mitsonar.scene.queries.height_field import FieldsAndScene, HeightField, as_grid, mesh_arrays
+from mitsonar.scene.queries.height_field import HeightField, as_grid, mesh_arrays
+from mitsonar.scene.queries.several_scenes import SeveralScenes
 
 RAYS = 20_000
 SHARE = {"anywhere": 1e-3, "grazing": 1e-2, "level": 1e-2, "vertical": 1e-3}
@@ -71,6 +72,18 @@ def test_nothing_is_hit_by_inactive_rays_and_beyond_the_bed(rough):
     assert found.t.numpy()[0] == pytest.approx(-float(np.asarray(rough[1].heights)[35, 45]), abs=1e-4)
 
 
+@pytest.mark.parametrize("broken", [np.nan, np.inf, -np.inf, 1e30])
+@pytest.mark.parametrize("which", ["o", "d"])
+@pytest.mark.parametrize("axis", range(3))
+def test_rays_of_no_numbers_hit_nothing_and_end(rough, broken, which, axis):
+    ray = mi.Ray3f(mi.Point3f(mi.Float([1, 1]), 2, 0), mi.Vector3f(mi.Float([0.1, 0.1]), 0.1, -1))
+    getattr(ray, which)[axis] = mi.Float([broken, getattr(ray, which)[axis].numpy()[0]])
+    found = HeightField(rough[1], 1).ray_intersect_preliminary(ray)
+    assert found.is_valid().numpy()[1]
+    assert which == "d" and not np.isnan(broken) or not found.is_valid().numpy()[0]
+    assert (found.prim_index.numpy() < 1 << 31).all() and (np.abs(found.prim_uv.numpy()) <= 1).all()
+
+
 @pytest.mark.parametrize("edit", ["shuffled faces", "a node aside", "a hole", "mirrored"])
 def test_other_meshes_are_no_grids(rough, edit):
     vertices, faces = (array.copy() for array in mesh_arrays(rough[0].shapes()[0]))
@@ -121,7 +134,7 @@ def test_a_bed_within_a_group_keeps_its_tree(few, tmp_path):
 def test_the_nearest_of_fields_and_scene_is_hit(rough):
     scene, grid = rough
     ball = mi.load_dict({"type": "scene", "ball": {"type": "sphere", "center": [0, 0, -18], "radius": 1.0}})
-    both = FieldsAndScene(scene, [HeightField(grid, 1)], ball)
+    both = SeveralScenes(scene, HeightField(grid, 1), ball)
     ray = mi.Ray3f(mi.Point3f(mi.Float([0, 6]), 0, -10), mi.Vector3f(0, 0, -1))
     assert both.ray_intersect_preliminary(ray).t.numpy()[0] == pytest.approx(7.0, abs=1e-4)
     assert both.ray_intersect_preliminary(ray).t.numpy()[1] == pytest.approx(10.0, abs=1.5)

@@ -1,1 +1,1 @@
-"""What rays ask of a scene: trees of triangles, of what stands and of what moves, and grids walked cell by cell."""
+"""Find the first hits of rays: in trees of triangles, in several scenes together, and on grids without a tree."""

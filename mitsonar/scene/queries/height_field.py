@@ -1,9 +1,9 @@
-"""Large beds whose vertices are the nodes of a grid: their first hits are found by walking the cells under a ray.
+"""Find the first hits of rays on large beds that are grids, by walking from cell to cell.
 
 A tree over a million triangles takes half a second to build and a hundred megabytes, and rays read it all over. A ray
-over a grid knows which cell comes next (Amanatides and Woo 1987, Eurographics), and passes a block of 8 x 8 at
-once where it is above the block's greatest or below its least height (Musgrave 1988, Yale technical report 639). Within
-a cell, both triangles are planes over the unit square. With x, y in cells from the corner `here`, z the heights:
+over a grid knows which cell comes next (Amanatides and Woo 1987, Eurographics), and passes 8 x 8 cells at once where it
+is above their greatest or below their least height (Musgrave 1988, Yale research report 639). Within a cell, both
+triangles are planes over the unit square. With x, y in cells from the corner `here`, z the heights:
 
     lower:  z_here  + x (z_east - z_here)    + y (z_north - z_here)           x + y <= 1
     upper:  z_across - (1 - x)(z_across - z_north) - (1 - y)(z_across - z_east)     x + y > 1
@@ -14,7 +14,8 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator
-from typing import Any, cast
+from contextvars import ContextVar
+from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -24,7 +25,7 @@ from mitsonar.device.arrays import arrays_of, held, reinterpreted, upload
 from mitsonar.device.types import ArrayTypes, Record
 
 FEWEST = 1 << 20                   # triangles from which on walking beats a tree
-BITS = 3
+BITS = 3                           # by which the number of a cell is shifted to that of its block
 BLOCK = 1 << BITS                  # cells along a side of a block
 OFF_NODE = 5e-4                    # cells that a vertex may lie off its node
 EDGE = 2e-3                        # cells by which triangles are widened, so that no ray passes between two
@@ -33,7 +34,7 @@ SPARE = 1e-3                       # [m] above the highest and below the lowest 
 
 
 class HeightGrid(Record):
-    """Heights of a mesh that is a grid: rows run north from `corner`, columns east; two triangles a cell."""
+    """Hold the heights of a mesh that is a grid: rows run north from `corner`, columns east; two triangles a cell."""
 
     corner: np.ndarray             # (2,) [m]
     spacing: np.ndarray            # (2,) [m]: along x and y
@@ -65,42 +66,45 @@ def as_grid(vertices: np.ndarray, faces: np.ndarray) -> HeightGrid | None:
 
 def large_grid(shape: mi.Shape) -> HeightGrid | None:
     """Return the grid that a large mesh is, which is walked without a tree; None for any other shape."""
-    if dr.backend_v(mi.Float) != dr.JitBackend.LLVM or "vertex_positions" not in mi.traverse(shape):
+    if dr.backend_v(mi.Float) != dr.JitBackend.LLVM:
         return None                    # a graphics card has hardware for trees
-    vertices, faces = mesh_arrays(shape)
-    return as_grid(vertices, faces) if len(faces) >= FEWEST else None
+    if not isinstance(shape, mi.Mesh) or shape.face_count() < FEWEST or "faces" not in mi.traverse(shape):
+        return None                    # Mitsuba's rectangle calls itself a mesh
+    return as_grid(*mesh_arrays(shape))
 
 
 def mesh_arrays(shape: mi.Shape) -> tuple[np.ndarray, np.ndarray]:
     """Return the vertices (V, 3) [m] and faces (F, 3) of a mesh, those withheld from Mitsuba, too."""
     parameters: Any = mi.traverse(shape)
     vertices, faces = (dr.detach(parameters[name]).numpy().reshape(-1, 3) for name in ("vertex_positions", "faces"))
-    return vertices, next((own for mesh, own in _withheld or () if mesh is shape), faces)
+    return vertices, next((own for mesh, own in _withheld.get() or () if mesh is shape), faces)
 
 
-_withheld: list[tuple[mi.Mesh, np.ndarray]] | None = None      # large grids made meanwhile, and their faces (F, 3)
+# large grids that a scene being loaded holds, and their faces (F, 3); None: all faces are shown. Of one thread: what
+# another one makes meanwhile keeps its tree.
+_withheld: ContextVar[list[tuple[mi.Mesh, np.ndarray]] | None] = ContextVar("withheld", default=None)
 
 
 def withhold(mesh: mi.Mesh) -> None:
     """Show Mitsuba a single face without extent in place of those of a large grid, until `without_trees` ends."""
-    if _withheld is not None and large_grid(mesh) is not None:
-        _withheld.append((mesh, mesh_arrays(mesh)[1].copy()))
+    if (waiting := _withheld.get()) is not None and large_grid(mesh) is not None:
+        waiting.append((mesh, mesh_arrays(mesh)[1].copy()))
         _show(mesh, np.zeros((1, 3), np.uint32))
 
 
 @contextlib.contextmanager
 def without_trees() -> Iterator[list[mi.Mesh]]:
-    """Let Mitsuba build no trees of large grids made meanwhile; yield a list that names them afterwards.
+    """Let Mitsuba build no trees of the large grids made meanwhile, for `HeightField` alone; yield a list of these.
 
-    Only `FieldsAndScene` finds them then. One thread at a time.
+    The list is filled at the end.
     """
-    global _withheld
     meshes: list[mi.Mesh] = []
-    _withheld = []
+    waiting: list[tuple[mi.Mesh, np.ndarray]] = []
+    token = _withheld.set(waiting)
     try:
         yield meshes
     finally:
-        waiting, _withheld = _withheld, None
+        _withheld.reset(token)
         for mesh, faces in waiting:
             _show(mesh, faces)
             meshes.append(mesh)
@@ -114,7 +118,7 @@ def _show(mesh: mi.Mesh, faces: np.ndarray) -> None:
 
 
 class HeightField:
-    """First hits of rays on a grid of heights, as on the mesh `shape` with a row `registry` of Mitsuba's registry."""
+    """Find hits on a grid of heights as on its mesh, the shape of a number `registry` in Mitsuba's registry."""
 
     def __init__(self, grid: HeightGrid, registry: int):
         self.lib = arrays_of(mi.Float)
@@ -144,43 +148,9 @@ class HeightField:
             pi.shape = reinterpreted(mi.ShapePtr, dr.select(found, self._counts[3], 0))
         return pi
 
-
-class FieldsAndScene:
-    """Height fields and a scene of all else, with the queries of a scene; `whole` lists the shapes as loaded."""
-
-    def __init__(self, whole: mi.Scene, fields: list[HeightField], scene: mi.Scene | None):
-        self.whole, self.fields, self.scene = whole, fields, scene
-
-    def shapes(self) -> list[mi.Shape]:
-        """Return the shapes as they were loaded."""
-        return self.whole.shapes()
-
-    def ray_intersect_preliminary(self, ray: mi.Ray3f, coherent: object = False,
-                                  active: mi.Bool | bool = True) -> mi.PreliminaryIntersection3f:
-        """Return the nearest hits, as `mi.Scene` does."""
-        nearest, nearer = None, mi.Ray3f(dr.detach(ray))
-        for field in self.fields:
-            found = field.ray_intersect_preliminary(nearer, coherent, active)
-            nearest = found if nearest is None else dr.select(found.is_valid(), found, nearest)
-            nearer.maxt = dr.minimum(nearer.maxt, found.t)
-        if self.scene is not None:
-            found = self.scene.ray_intersect_preliminary(nearer, coherent=coherent, active=active)
-            nearest = dr.select(found.is_valid(), found, nearest)
-        return cast(mi.PreliminaryIntersection3f, nearest)
-
-    def ray_intersect(self, ray: mi.Ray3f, active: mi.Bool | bool = True) -> mi.SurfaceInteraction3f:
-        """Return the nearest interactions, as `mi.Scene` does."""
-        found = self.ray_intersect_preliminary(ray, active=active)
-        return found.compute_surface_interaction(ray, mi.RayFlags.All, active)
-
     def ray_test(self, ray: mi.Ray3f, coherent: object = False, active: mi.Bool | bool = True) -> mi.Bool:
-        """Return True for rays that meet anything, as `mi.Scene` does."""
-        met = mi.Bool(False)
-        if self.scene is not None:
-            met = self.scene.ray_test(ray, coherent=coherent, active=active)
-        for field in self.fields:
-            met |= field.ray_intersect_preliminary(ray, coherent, mi.Bool(active) & ~met).is_valid()
-        return met
+        """Return True for rays that meet the grid, as `mi.Scene` does."""
+        return self.ray_intersect_preliminary(ray, coherent, active).is_valid()
 
 
 def _of_blocks(extreme: np.ufunc, heights: np.ndarray) -> np.ndarray:

@@ -24,7 +24,7 @@ from mitsonar.device.arrays import arrays_of, held, upload
 from ..geometry import Geometry
 from ..labels import SEABED
 from ..protocols import strewn_shape
-from ..queries.two_scenes import scene_of
+from ..queries.several_scenes import scene_of
 
 AZIMUTHS = 2048
 FINEST, COARSEST = 1 / 1200, 1 / 100   # limits of the grid's step, relative to the reach

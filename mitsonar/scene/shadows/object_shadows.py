@@ -17,7 +17,7 @@ from ..geometry import Geometry
 from ..labels import OBJECT
 from ..moving import moving_shape
 from ..protocols import target_shape
-from ..queries.two_scenes import asked_together
+from ..queries.several_scenes import asked_together
 from ..tracing.tracer import Sources, Tracer, angles
 from ..tracing.water import DeviceWater
 from .occlusion import LIFT, LIFT_PER_RANGE, TOLERANCE, along_fan

@@ -1,4 +1,4 @@
-"""A scene of what stands still and a scene of what moves, asked together: the nearer hit of the two.
+"""Parts of a scene that are asked together, such as what stands still and what moves: the nearest of their hits.
 
 A change of one vertex makes Mitsuba build the tree of its whole scene anew, which takes a second for a bed of two
 million triangles. Moving bodies therefore stand in a scene of their own, whose tree is small. The second query costs a
@@ -6,8 +6,10 @@ twentieth of the first.
 """
 from __future__ import annotations
 
+import functools
+import operator
 from collections.abc import Sequence
-from typing import Any, cast
+from typing import Any, Protocol, cast
 
 import drjit as dr
 import mitsuba as mi
@@ -66,11 +68,24 @@ class MovingScene:
         return found
 
 
-class TwoScenes:
-    """Two scenes with the queries of one; `whole` lists the shapes as they were loaded."""
+class Queried(Protocol):
+    """What rays are asked of: a scene of Mitsuba's, or a part of a scene."""
 
-    def __init__(self, whole: mi.Scene, still: mi.Scene, moving: MovingScene):
-        self.whole, self.still, self.moving = whole, still, moving
+    def ray_intersect_preliminary(self, ray: mi.Ray3f, coherent: Any = False,
+                                  active: Any = True) -> mi.PreliminaryIntersection3f:
+        """Return the first hits, as `mi.Scene` does."""
+        ...
+
+    def ray_test(self, ray: mi.Ray3f, coherent: Any = False, active: Any = True) -> mi.Bool:
+        """Return True for rays that meet anything, as `mi.Scene` does."""
+        ...
+
+
+class SeveralScenes:
+    """One or more parts of a scene with the queries of one; `whole` lists the shapes as they were loaded."""
+
+    def __init__(self, whole: mi.Scene, *parts: Queried):
+        self.whole, self.parts = whole, parts
 
     def shapes(self) -> list[mi.Shape]:
         """Return the shapes as they were loaded."""
@@ -78,26 +93,27 @@ class TwoScenes:
 
     def ray_intersect_preliminary(self, ray: mi.Ray3f, coherent: Any = False,
                                   active: Any = True) -> mi.PreliminaryIntersection3f:
-        """Return the nearer hits of both scenes, as `mi.Scene` does."""
-        first = self.still.ray_intersect_preliminary(ray, coherent=coherent, active=active)
-        nearer = mi.Ray3f(ray)
-        nearer.maxt = dr.minimum(ray.maxt, first.t)
-        second = self.moving.ray_intersect_preliminary(nearer, coherent, active)
-        return dr.select(second.is_valid(), second, first)
+        """Return the nearest hits of all parts, as `mi.Scene` does."""
+        first, *others = self.parts
+        nearest, nearer = first.ray_intersect_preliminary(ray, coherent, active), mi.Ray3f(ray)
+        for part in others:
+            nearer.maxt = dr.minimum(nearer.maxt, nearest.t)
+            found = part.ray_intersect_preliminary(nearer, coherent, active)
+            nearest = dr.select(found.is_valid(), found, nearest)
+        return nearest
 
     def ray_intersect(self, ray: mi.Ray3f, active: Any = True) -> mi.SurfaceInteraction3f:
-        """Return the nearer interactions of both scenes, as `mi.Scene` does."""
+        """Return the nearest interactions of all parts, as `mi.Scene` does."""
         found = self.ray_intersect_preliminary(ray, active=active)
         return found.compute_surface_interaction(ray, mi.RayFlags.All, active)
 
     def ray_test(self, ray: mi.Ray3f, coherent: Any = False, active: Any = True) -> mi.Bool:
-        """Return True for rays that meet anything in either scene, as `mi.Scene` does."""
-        return (self.still.ray_test(ray, coherent=coherent, active=active)
-                | self.moving.ray_test(ray, coherent=coherent, active=active))
+        """Return True for rays that meet anything in any part, as `mi.Scene` does."""
+        return functools.reduce(operator.or_, (part.ray_test(ray, coherent, active) for part in self.parts))
 
 
 def asked_together(whole: mi.Scene, still: Sequence[mi.Shape], moving: MovingScene | None) -> mi.Scene:
     """Return a scene of shapes that stand still, with a moving scene beside it if there is one."""
     if moving is None:
         return scene_of(still)
-    return cast(mi.Scene, TwoScenes(whole, scene_of(still), moving) if still else moving)
+    return cast(mi.Scene, SeveralScenes(whole, scene_of(still), moving) if still else moving)
