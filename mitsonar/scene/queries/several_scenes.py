@@ -71,12 +71,12 @@ class MovingScene:
 class Queried(Protocol):
     """What rays are asked of: a scene of Mitsuba's, or a part of a scene."""
 
-    def ray_intersect_preliminary(self, ray: mi.Ray3f, coherent: Any = False,
-                                  active: Any = True) -> mi.PreliminaryIntersection3f:
+    def ray_intersect_preliminary(self, ray: mi.Ray3f, coherent: Any, active: Any,
+                                  /) -> mi.PreliminaryIntersection3f:
         """Return the first hits, as `mi.Scene` does."""
         ...
 
-    def ray_test(self, ray: mi.Ray3f, coherent: Any = False, active: Any = True) -> mi.Bool:
+    def ray_test(self, ray: mi.Ray3f, coherent: Any, active: Any, /) -> mi.Bool:
         """Return True for rays that meet anything, as `mi.Scene` does."""
         ...
 
