@@ -57,6 +57,8 @@ RUNS = {
     "soundings": (["soundings.py", "--preset", "shelf_80khz", "-Ddepth=12", "-Drange=40", "-Dswath_deg=120",
                    "--rounds", "1"], "shelf_80khz, with the water"),
     "starts": (["starts.py", "--rounds", "1", "--only", "describe"], "kept"),
+    "walked_beds": (["walked_beds.py", "--scene", "sidescan_flat", "--rays", "4000", "--rounds", "1"],
+                    "sidescan_flat, up"),
     "survey": (["ping.py", *SMALL, "--rays", "4000", "--survey", "4"], "peak [MB]"),
 }
 

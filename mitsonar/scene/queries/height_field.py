@@ -131,7 +131,7 @@ class HeightField:
         self._counts = [dr.opaque(mi.UInt32, count) for count in (columns, rows, least.shape[1], registry)]
         self._numbers = [dr.opaque(mi.Float, float(number)) for number in (
             *grid.corner, *(1 / grid.spacing), least.min() - SPARE, most.max() + SPARE)]
-        dr.eval(self._cells, self._blocks)
+        dr.eval(self._cells, self._blocks, self._counts, self._numbers)
 
     def ray_intersect_preliminary(self, ray: mi.Ray3f, coherent: object = False,
                                   active: mi.Bool | bool = True) -> mi.PreliminaryIntersection3f:
