@@ -181,7 +181,8 @@ class Ensonification:
         yield from self.bounced_echoes(origin, rotation, depth_below, key)
         if self.ghosts.water is not None:
             sources, start = self._source(origin)
-            yield from self.ghosts.of_water(sources, start, *self.drawn_rays.draw(start, rotation, None, key), key)
+            direction, solid_angle, _ = self.drawn_rays.draw(start, rotation, None, key)
+            yield from self.ghosts.of_water(sources, start, direction, solid_angle, key)
 
     def bounced_echoes(self, origin: np.ndarray, rotation: np.ndarray, depth_below: float,
                        key: int) -> Iterator[Echoes]:

@@ -22,8 +22,7 @@ def test_points_of_the_water_are_as_loud_and_as_hidden_as_their_own_rays_say(var
                       water={"profile": SUMMER_TEXT, "volume_strength_db": -70.0})
     echoes = sector_beams(scene.integrator().survey(scene, scene.sensors()[0]))[0].echoes
     origin, reception = echoes.survey.track.position[0], echoes.reception(0)
-    rays = echoes._lobe_rays.draw(reception.rotation, 0.0, 7)
-    points = echoes._water.around(origin, rays, 7)
+    points = echoes._water.around(origin, *echoes._lobe_rays.draw(reception.rotation, 0.0, 7), 7)
     ensonification = echoes.ground.ensonification
     sources, start = ensonification._source(origin)
     place = start + points.out_offset

@@ -13,7 +13,7 @@ import drjit as dr
 import mitsuba as mi
 
 from mitsonar.device.arrays import arrays_of, compressed
-from mitsonar.device.chance import Salt, gaussian, hashed_pair, pair, salted, uniform
+from mitsonar.device.chance import Salt, gaussian, hashed_pair, salted
 from mitsonar.scene.materials import bistatic_strength
 from mitsonar.scene.tracing.connection import Connection
 from mitsonar.scene.tracing.free_rays import FreeRays
@@ -26,7 +26,7 @@ from ..scatterers.scatterers import Cells
 from ..sights.sights import Sights
 from ..sonar_equation import absorbed, along_legs
 from .multipath import Bounces
-from .volume import WaterEchoes
+from .volume import WaterEchoes, lattice
 
 FAINTEST = 1e-12                   # relative to the strongest of its kind: weaker echoes are dropped
 
@@ -100,14 +100,13 @@ class ArrayGhosts:
                                  amplitude=self._drawn(power, bits)).evaluated()
 
     def of_water(self, sources: Sources, origin: dr.ArrayBase, direction: mi.Vector3f, solid_angle: mi.Float,
-                 strata: Strata, key: int) -> Iterator[Echoes]:
+                 key: int) -> Iterator[Echoes]:
         """Yield the echoes of points of the water, one along each direction."""
         if self.water is None:
             return
         row_key = dr.opaque(mi.UInt32, salted(key, Salt.ARRAY_WATER))
-        bits, _ = pair(dr.arange(mi.UInt32, strata.rays), row_key)
-        connected = self.water.draw_connected(sources, origin, direction, solid_angle, strata,
-                                              uniform(self.lib, bits))
+        place = lattice(dr.arange(mi.UInt32, dr.width(direction)), row_key)
+        connected = self.water.draw_connected(sources, origin, direction, solid_angle, place)
         if connected is None:
             return
         index, drawn = connected

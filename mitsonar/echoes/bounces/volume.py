@@ -3,27 +3,31 @@
     S = s_v(z) dV,       dV = r² ΔΩ dr
 
 S is the strength of a point in the sonar equation (`sonar_equation.along_legs`). The point lies at r along a straight
-line from the sonar, for which dV is exact; the eigenray gives the sound's way there, if there is one. The distances of
-a row form a lattice over all its directions, shifted as a whole by a random number: the number of points in a time gate
-is then nearly constant, and the points differ from ping to ping.
+line from the sonar, for which dV is exact; the eigenray gives the sound's way there, if there is one.
+
+    r_n = r_0 + dr frac(n/φ + x),      φ the golden ratio, n the number of a direction, x a random number of the row
+
+Any run of directions has distances that are nearly even: the number of points in a time gate is nearly constant, and so
+is that in a cell of range and angle if the numbers follow the angle. The points differ from ping to ping.
 """
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import gcd
 
 import drjit as dr
 import mitsuba as mi
+import numpy as np
 
-from mitsonar.device.arrays import compressed, entries
+from mitsonar.device.arrays import arrays_of, compressed, entries
+from mitsonar.device.chance import pair, uniform
 from mitsonar.scene.tracing.connection import Connection, Connector
-from mitsonar.scene.tracing.launch import Strata
 from mitsonar.scene.tracing.tracer import Sources
 
 from ..sonar_equation import along_legs, leg_gain, speed_ratio
 
-GOLDEN = 0.6180339887498949
+GOLDEN = round((np.sqrt(5) - 1) / 2 * 2 ** 32)         # 1/φ of 2^32: products of 32 bits wrap
+NO_NUMBER = (1 << 32) - 1          # that no direction has
 NEAREST = 0.25                     # [m] nearer points are not in the far field, and echo while the pulse is still sent
 NEARER, FARTHER = 0.97, 1.03       # margins of the window's straight ranges, because rays bend
 UnderBed = Callable[[dr.ArrayBase], "mi.Bool"]       # of points (R,) [m]: True only for those that the bed hides
@@ -51,22 +55,22 @@ class WaterEchoes:
         self.near, self.span = dr.opaque(mi.Float, near), dr.opaque(mi.Float, far - near)
 
     def draw(self, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32, direction: mi.Vector3f,
-             solid_angle: mi.Float, strata: Strata, chance: mi.Float) -> DrawnPoints:
-        """Return one point along each direction."""
-        # direction (R,); solid_angle (R,) [sr]; chance (R,)
-        r = self._distances(strata, chance)
+             solid_angle: mi.Float, place: mi.Float) -> DrawnPoints:
+        """Return one point along each direction, at a `place` in [0, 1) of the window."""
+        # direction (R,); solid_angle (R,) [sr]; place (R,)
+        r = self.near + self.span * place
         point = origin + type(origin)(direction * r)
         in_water = point.z < 0
         way = self.connector.connect(sources, origin, source, point, mi.Vector3f(0, 0, 0), in_water)
         return self._drawn(sources, origin, source, point, r, solid_angle, way, in_water)
 
     def draw_connected(self, sources: Sources, origin: dr.ArrayBase, direction: mi.Vector3f, solid_angle: mi.Float,
-                       strata: Strata, chance: mi.Float) -> tuple[mi.UInt32, DrawnPoints] | None:
+                       place: mi.Float) -> tuple[mi.UInt32, DrawnPoints] | None:
         """Return numbers (V,) of directions, and the points along them, as `draw` does from source 0; None if none.
 
         Points above the water are left out before they are connected.
         """
-        index, r = self.spread(origin, direction, strata, chance)
+        index, r = self.spread(origin, direction, place)
         if not dr.width(index):
             return None
         direction, solid_angle, r = entries((direction, solid_angle, r), index)
@@ -74,13 +78,13 @@ class WaterEchoes:
         way = self.connector.connect_in_water(sources, origin, point)
         return index, self._drawn(sources, origin, mi.UInt32(0), point, r, solid_angle, way, mi.Bool(True))
 
-    def spread(self, origin: dr.ArrayBase, direction: mi.Vector3f, strata: Strata, chance: mi.Float,
+    def spread(self, origin: dr.ArrayBase, direction: mi.Vector3f, place: mi.Float,
                under_bed: UnderBed | None = None) -> tuple[mi.UInt32, mi.Float]:
         """Return the distances [m] of points along all directions, and numbers (V,) of those in the water.
 
         Points that lie under the bed are left out.
         """
-        r = self._distances(strata, chance)
+        r = self.near + self.span * place
         point = origin + type(origin)(direction * r)
         possible = point.z < 0
         if under_bed is not None:
@@ -91,16 +95,6 @@ class WaterEchoes:
     def strength(self, depth: mi.Float, r: mi.Float, solid_angle: mi.Float, active: mi.Bool | bool = True) -> mi.Float:
         """Return the strengths S (R,) [m²] of points at depths [m] and distances `r` [m]."""
         return self.water.volume.at(depth, active) * r * r * solid_angle * self.span
-
-    def _distances(self, strata: Strata, chance: mi.Float) -> mi.Float:
-        """Return the distances [m] of the points of all directions."""
-        row, within, _, _ = strata.split(dr.arange(mi.UInt32, strata.rays))
-        first = dr.gather(mi.Float, chance, row * strata.per_row)
-        count = strata.shape[0] * strata.shape[1]
-        step = _coprime(count)
-        turn = mi.UInt32(mi.UInt64(within) * dr.opaque(mi.UInt64, step) % dr.opaque(mi.UInt64, count))
-        place = (mi.Float(turn) + chance) / mi.Float(strata.per_row) + first
-        return self.near + self.span * (place - dr.floor(place))
 
     def _drawn(self, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32, point: dr.ArrayBase, r: mi.Float,
                solid_angle: mi.Float, way: Connection, in_water: mi.Bool) -> DrawnPoints:
@@ -113,9 +107,9 @@ class WaterEchoes:
                            active=in_water & way.free & (energy > 0) & dr.isfinite(energy))
 
 
-def _coprime(count):
-    """Return an integer near the golden ratio of `count` that is coprime to it."""
-    step = max(1, round(GOLDEN * count))
-    while gcd(step, count) > 1:
-        step += 1
-    return step
+def lattice(number: mi.UInt32, key: mi.UInt32) -> mi.Float:
+    """Return frac(n/φ + x) of the module for numbers n (R,); a row has one key, from which x is drawn."""
+    lib = arrays_of(number)
+    shift, _ = pair(lib.UInt32(NO_NUMBER), key)
+    place = uniform(lib, number * GOLDEN) + uniform(lib, shift)
+    return place - dr.floor(place)

@@ -75,7 +75,7 @@ class TargetEchoes:
     label: np.ndarray  # (R,), numbers of the instances
 
 
-WATER = 0.4                        # points of the water per scatterer in a resolution cell of the ground
+WATER = 0.18                       # points of the water per scatterer in a resolution cell of the ground
 NEGLIGIBLE = 1e-8                  # two-way intensity of the beams below which a patch is skipped
 WIDE = 0.1                         # sines in a lobe that lights the whole picture: what lies outside is no side lobe's
 DOPPLER_NODES = 33                 # of sines, between which the rows' factors are linear
@@ -276,17 +276,17 @@ class PingEchoes:
         if self._water is None:
             return
         if lobe is None:
-            rays = ensonification.drawn_rays.draw(opaque_vector(self.lib.Array3f64, origin), reception.rotation, None,
-                                                  key)
+            direction, solid_angle, _ = ensonification.drawn_rays.draw(
+                opaque_vector(self.lib.Array3f64, origin), reception.rotation, None, key)
         else:
-            rays = self._lobe_rays.draw(reception.rotation, lobe.sine, key)
-        placed = self._water.around(origin, rays, key)
+            direction, solid_angle = self._lobe_rays.draw(reception.rotation, lobe.sine, key)
+        placed = self._water.around(origin, direction, solid_angle, key)
         if placed is not None:
             yield placed
 
     @cached_property
     def _lobe_rays(self) -> LobeRays:
-        """Return random directions of points of the water, several in every resolution cell."""
+        """Return random directions of points of the water, about one in every resolution cell."""
         survey, transmit, axis = self.survey, self.survey.transmit, self.patterns.transmit_axis
         if axis is None:
             raise ValueError("the lobe of a transmitting line was asked for, and it is no line")
@@ -295,7 +295,7 @@ class PingEchoes:
         place = (transmit.position - self.patterns.transmit_centre) @ axis / survey.wavelength
         pattern = self.ground.ensonification.pattern or (lambda towards, rotation: np.ones(towards.shape[:-1]))
         return LobeRays(axis, transmit.faces()[0].normal, place=place, weight=transmit.weight, pattern=pattern,
-                        around=WATER * self.per_cell * cells)
+                        line=self.line.axis, per_sine=WATER * self.per_cell * cells)
 
     # ---- the grid
 

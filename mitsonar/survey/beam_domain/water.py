@@ -11,20 +11,17 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.device.arrays import compressed, opaque_vector, picked
-from mitsonar.device.chance import Salt, gaussian, hashed_pair, pair, salted, uniform
+from mitsonar.device.chance import Salt, gaussian, hashed_pair, salted
 from mitsonar.device.types import ArrayTypes
-from mitsonar.echoes.bounces.volume import WaterEchoes
+from mitsonar.echoes.bounces.volume import WaterEchoes, lattice
 from mitsonar.echoes.sights.eigenray_table import EigenrayTable
 from mitsonar.echoes.sonar_equation import along_legs
 from mitsonar.scene.shadows.occlusion import along_fan
 from mitsonar.scene.tracing.connection import CLEAR
-from mitsonar.scene.tracing.launch import Strata
 from mitsonar.scene.tracing.tracer import angles
 
 from .ground import FREE, HIDDEN_BY_BED, Ground
 from .placed_echoes import PlacedEchoes
-
-Rays = tuple["mi.Vector3f", "mi.Float", Strata]
 
 
 class WaterPoints:
@@ -34,17 +31,16 @@ class WaterPoints:
         self._ground, self._points, self._lib = ground, points, points.lib
         self._table: EigenrayTable | None = None
 
-    def around(self, origin: np.ndarray, rays: Rays, key: int) -> PlacedEchoes | None:
-        """Return the points along rays from a place (3,) [m], one for each; None if none lies in the water."""
-        direction, solid_angle, strata = rays
+    def around(self, origin: np.ndarray, direction: mi.Vector3f, solid_angle: mi.Float,
+               key: int) -> PlacedEchoes | None:
+        """Return the points along rays (R,) from a place (3,) [m], one for each; None if none lies in the water."""
+        # origin (3,) [m]; direction (R,); solid_angle (R,) [sr]
         start, row_key = (opaque_vector(self._lib.Array3f64, origin),
                           dr.opaque(mi.UInt32, salted(key, Salt.ARRAY_WATER)))
-        bits, _ = pair(dr.arange(mi.UInt32, strata.rays), row_key)
-        chance = uniform(self._lib, bits)
-        dr.eval(chance)
+        place = lattice(dr.arange(mi.UInt32, dr.width(direction)), row_key)
         # with the directions, which it has most of its sums in common with
         dr.schedule(solid_angle)
-        index, distance = self._points.spread(start, direction, strata, chance, self._ground.under_bed(origin))
+        index, distance = self._points.spread(start, direction, place, self._ground.under_bed(origin))
         if not dr.width(index):
             return None
         r = dr.gather(mi.Float, distance, index)

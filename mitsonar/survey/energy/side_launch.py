@@ -182,18 +182,17 @@ class SideLaunch:
         drawn = drawn_across(self._lib, place, strata, quantiles, seed, salt, aside)
         return self._rays(place, *drawn, strata, quantiles, along, aside)
 
-    def across_beam(self, place: Place, grid: tuple[int, int], seed: int) -> tuple[SideRays, mi.Float]:
-        """Draw rays over the whole beam, regardless of hits, and one more random number of [0, 1) for each ray."""
+    def across_beam(self, place: Place, grid: tuple[int, int], seed: int) -> tuple[SideRays, mi.UInt32, mi.UInt32]:
+        """Draw rays over the whole beam, regardless of hits; return also their numbers in their row, and its key."""
         lib, strata = self._lib, strata_of(self._lib, place.rows, grid)
         row, within, i_phi, i_u = strata.split(dr.arange(mi.UInt32, strata.rays))
         key = seeded(place.key(row), seed, Salt.WATER)
         a, b = pair(within, key)
-        c, _ = other_pair(a, key)
         xi_phi = stratified(lib, i_phi, uniform(lib, a), strata.first)
         phi, phi_width, cell = draw(self._across, mi.UInt32(0), xi_phi)
         xi_u = stratified(lib, i_u, uniform(lib, b), strata.second)
         rays = self._rays(place, row, phi, phi_width, cell, xi_u, strata, None, self._along)
-        return rays, mi.Float(uniform(lib, c))
+        return rays, within, key
 
     def aimed(self, place: Place, ping: mi.UInt32, direction: mi.Vector3f, solid_angle: mi.Float,
               grid: tuple[int, int]) -> SideRays:
