@@ -23,7 +23,7 @@ from mitsonar.sonar.pulses.pulse import Pulse, Window
 
 from ..impulses import BandLimited, Bell, Nearest, turned
 from .grids import MARGIN
-from .noise import gaussians
+from .noise import random_phases
 from .pulse_response import PulseResponse
 from .spreading import GridSums
 from .transforms import divided, transformed
@@ -86,7 +86,7 @@ class ElementReceivers:
             mixing, size = np.linalg.cholesky(noise).astype(np.float32), np.abs(pulse.replica) * np.sqrt(pulse.length)
             number = dr.arange(self.lib.UInt32, whole.size)
             real, imaginary = (mixing @ part.numpy().reshape(whole.shape)
-                               for part in gaussians(self.lib, number, dr.opaque(self.lib.UInt32, key)))
+                               for part in random_phases(self.lib, number, dr.opaque(self.lib.UInt32, key)))
             whole += (real + 1j * imaginary) * size.astype(np.float32)
         record = np.zeros((elements, pulse.length), np.complex64)
         record[:, pulse.used] = whole

@@ -1,6 +1,7 @@
 """Steps between transforms, each a kernel on the device: from rows to frequencies, through the line, to beams.
 
-Complex arrays are real and imaginary parts by turns. Sizes are opaque: a new one makes no new kernel.
+Complex arrays are real and imaginary parts by turns. Sizes are opaque: a new one makes no new kernel. Two
+neighbouring rows, or waves, are read or written at once, which takes half as many loads.
 
     by_frequency        Z[f, r] = P_r(f) G[r, f] + noise of rows
     through_the_line    Z[f, ν] = Ŵ_f(ν) Z[f, ν] + noise of waves
@@ -17,9 +18,9 @@ import drjit as dr
 import numpy as np
 
 from mitsonar.device.arrays import arrays_of, looped, upload
-from mitsonar.device.types import ArrayTypes, Float, UInt32
+from mitsonar.device.types import ArrayTypes, Bool, Float, UInt32
 
-from .noise import gaussians
+from .noise import random_phases
 from .pulse_response import RowTransfers
 from .transforms import TILE, divided, tiles
 
@@ -56,8 +57,8 @@ class Noise:
 class Waves:
     """The waves that an aperture passes, and its pattern."""
 
-    taken: UInt32  # (U,): numbers of the waves over the rows of echoes
-    used: UInt32  # (U,): numbers of the waves, over the rows of echoes and over those of beams
+    taken: UInt32  # (U/2,): numbers of the pairs of waves over the rows of echoes
+    used: UInt32  # (U/2,): numbers of the pairs of waves over the rows of beams
     line: Float  # (F, U): its pattern, complex
 
 
@@ -90,7 +91,7 @@ class Reading:
 def by_frequency(spectra: Float, sizes: Sizes, transfers: RowTransfers, noise: Noise | None) -> Float:
     """Multiply spectra (rows, length) by the rows' transfer functions: (F, period); other rows are 0."""
     lib, U = arrays_of(spectra), arrays_of(spectra).UInt32
-    rows, period, length, more = (dr.opaque(U, size) for size in (sizes.rows, sizes.period, sizes.length, 1))
+    rows, period, length, more = (dr.opaque(U, size) for size in (sizes.rows, sizes.period // 2, sizes.length, 1))
     number, part = tiles(lib, sizes.frequencies, -(-sizes.rows // TOGETHER))
     column, first = dr.gather(U, sizes.used, number), part * TOGETHER
     last, into = dr.minimum(first + TOGETHER, rows), dr.zeros(lib.Float, 2 * sizes.frequencies * sizes.period)
@@ -98,12 +99,17 @@ def by_frequency(spectra: Float, sizes: Sizes, transfers: RowTransfers, noise: N
     drawn = None if noise is None else _RowNoise(lib, noise, sizes, number)
 
     def turn(row: UInt32, *around: Float) -> tuple:
-        z = _complex(lib, spectra, row * length + column) * transfer(row)
-        if drawn is not None:
-            around += drawn.of(row + more)
-            z += drawn.summed(around)
-        dr.scatter(into, lib.Array2f(z.real, z.imag), number * period + row)
-        return row + more, *around[3:]
+        pair: list[Float] = []
+        for here in (row, row + more):
+            there = here < rows
+            z = _complex(lib, spectra, here * length + column, there) * transfer(here, there)
+            if drawn is not None:
+                around += drawn.of(here + more)
+                z += drawn.summed(around)
+                around = around[3:]
+            pair += z.real, z.imag
+        dr.scatter(into, lib.Array4f(*pair), number * period + row // 2)
+        return row + 2 * more, *around
 
     # a lane follows its rows one by one: each row's noise is drawn once for itself and both neighbours
     looped((first, *(() if drawn is None else (*drawn.of(U(lib.Int32(first) - 1)), *drawn.of(first)))),
@@ -119,12 +125,15 @@ def through_the_line(spectra: Float, sizes: Sizes, period: int, waves: Waves, no
     lib, U = arrays_of(spectra), arrays_of(spectra).UInt32
     lane = dr.arange(U, sizes.frequencies * dr.width(waves.used))
     number, wave = divided(lib, lane, dr.width(waves.used))
-    place = number * dr.opaque(U, sizes.period) + dr.gather(U, waves.taken, wave)
-    z = _complex(lib, spectra, place) * _complex(lib, waves.line, lane)
+    place = number * dr.opaque(U, sizes.period // 2) + dr.gather(U, waves.taken, wave)
+    z, line = dr.gather(lib.Array4f, spectra, place), dr.gather(lib.Array4f, waves.line, lane)
+    z = [lib.Complex2f(z[k], z[k + 1]) * lib.Complex2f(line[k], line[k + 1]) for k in (0, 2)]
     if noise is not None:
-        z += lib.Complex2f(*gaussians(lib, lane, dr.opaque(U, key))) * noise
+        drawn, size = random_phases(lib, lane, dr.opaque(U, key), 2), dr.gather(lib.Array2f, noise, lane)
+        z = [z[k] + lib.Complex2f(drawn[2 * k], drawn[2 * k + 1]) * size[k] for k in (0, 1)]
     into = dr.zeros(lib.Float, 2 * sizes.frequencies * period)
-    dr.scatter(into, lib.Array2f(z.real, z.imag), number * dr.opaque(U, period) + dr.gather(U, waves.used, wave))
+    dr.scatter(into, lib.Array4f(z[0].real, z[0].imag, z[1].real, z[1].imag),
+               number * dr.opaque(U, period // 2) + dr.gather(U, waves.used, wave))
     return into
 
 
@@ -180,15 +189,15 @@ def by_beam(records: Float, sizes: Sizes, reading: Reading, begin: int, samples:
     return beams
 
 
-def _transfer(lib: ArrayTypes, transfers: RowTransfers, number: UInt32) -> Callable[[UInt32], Any]:
-    """Return a function that gives P of a row's factor at the frequencies of these numbers."""
+def _transfer(lib: ArrayTypes, transfers: RowTransfers, number: UInt32) -> Callable[[UInt32, Bool], Any]:
+    """Return a function that gives P of a row's factor, where there is a row, at the frequencies of these numbers."""
     U, F = lib.UInt32, lib.Float
     mixes, nodes = upload(F, transfers.mix.view(np.float32)), upload(U, transfers.node)
     pairs, pitch = upload(F, transfers.pairs.view(np.float32)), dr.opaque(U, transfers.pairs.shape[1])
 
-    def of(row: UInt32) -> Any:
-        mix = dr.gather(lib.Array4f, mixes, row)
-        pair = dr.gather(lib.Array4f, pairs, dr.gather(U, nodes, row) * pitch + number)
+    def of(row: UInt32, there: Bool) -> Any:
+        mix = dr.gather(lib.Array4f, mixes, row, there)
+        pair = dr.gather(lib.Array4f, pairs, dr.gather(U, nodes, row, there) * pitch + number)
         return (lib.Complex2f(mix[0], mix[1]) * lib.Complex2f(pair[0], pair[1])
                 + lib.Complex2f(mix[2], mix[3]) * lib.Complex2f(pair[2], pair[3]))
 
@@ -205,9 +214,9 @@ class _RowNoise:
         self._replica = dr.gather(lib.Float, noise.frequency, number)
 
     def of(self, row: UInt32) -> tuple[Float, Float, Float]:
-        """Return a row's Gaussians, and their size; 0 off the grid, where numbers before the first row are large."""
+        """Return a row's random phase, and its size; 0 off the grid, where numbers before the first row are large."""
         size = dr.gather(self._lib.Float, self._row, row, row < self._rows)
-        return *gaussians(self._lib, self._number * self._rows + row, self._key), size
+        return *random_phases(self._lib, self._number * self._rows + row, self._key), size
 
     def summed(self, around: Sequence[Float]) -> Any:
         """Return the noise of a row from what `of` gives for the row before, itself and the next."""
@@ -218,5 +227,5 @@ class _RowNoise:
         return total * self._replica
 
 
-def _complex(lib: ArrayTypes, values: Float, place: UInt32) -> Any:
-    return lib.Complex2f(*dr.gather(lib.Array2f, values, place))
+def _complex(lib: ArrayTypes, values: Float, place: UInt32, there: Bool | bool = True) -> Any:
+    return lib.Complex2f(*dr.gather(lib.Array2f, values, place, there))

@@ -128,7 +128,8 @@ class LineBeams:
         lib, U = self.lib, self.lib.UInt32
         self._sizes = Sizes(rows=self.shape.rows, length=self.length, period=self.period,
                             used=upload(U, self.pulse.used.astype(np.uint32)))
-        self._tables = [Waves(upload(U, line.taken.astype(np.uint32)), upload(U, line.used.astype(np.uint32)),
+        self._tables = [Waves(upload(U, line.taken[::2].astype(np.uint32) // 2),
+                              upload(U, line.used[::2].astype(np.uint32) // 2),
                               upload(lib.Float, line.values.view(np.float32))) for line in self.lines]
         self._reading = self._read_at(self.sines)
         self._replica = upload(lib.Float, np.abs(self.pulse.replica).astype(np.float32))
@@ -211,5 +212,6 @@ def _farthest(low: float, high: float) -> float:
 
 
 def _fast(length: int, multiple: int) -> int:
-    """Return the next length that transforms are fast of, a multiple."""
+    """Return the next length that transforms are fast of, a multiple; half of it, too, is of whole pairs."""
+    multiple *= 4
     return multiple * fft.next_fast_len(-(-length // multiple))

@@ -58,13 +58,14 @@ class LineResponse:
                  stride: int = 1):
         farthest = float(np.abs(position).max())
         lowest, highest = _extent(position, weight) if stride > 1 else (-farthest, farthest)
-        self.middle = -int(round(0.5 * (lowest + highest) * wavenumber.max() * rows.step * rows.period))
+        # pairs of waves over rows are pairs over the rows of beams
+        self.middle = -2 * int(round(0.25 * (lowest + highest) * wavenumber.max() * rows.step * rows.period))
         self.rows = own = rows.every(stride)
         number = fft.fftfreq(own.period, 1 / own.period)
         nu = fft.fftfreq(own.period)
         band = float(0.5 * (highest - lowest) * wavenumber.max() * own.step)
         skirt = stride * max(ROLL_OFF[0], ROLL_OFF[1] * band, WIDE[0] - WIDE[1] * band)
-        self.used = np.flatnonzero(np.abs(nu) <= band + skirt)
+        self.used = np.flatnonzero(np.repeat((np.abs(nu) <= band + skirt).reshape(-1, 2).any(1), 2))
         self.taken = (number[self.used].astype(np.int64) + self.middle) % rows.period
         self.bell = Bell(0.5 / OVERSAMPLING)            # the same for all lines, whose kernels are one then
         self.spectrum = self.bell.spectrum(nu[self.used]) * self.bell.spectrum(fft.fftfreq(rows.period)[self.taken])
