@@ -6,6 +6,7 @@ where a crest's silhouette lies within the grid's step; a wall's shadow ends whe
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+import pytest
 
 from mitsonar.device.arrays import upload
 from mitsonar.scene.geometry import Geometry
@@ -25,9 +26,9 @@ def rippled(**changes):
             "ripple_height": 0.5, "ripple_heading_deg": 30.0, "bsdf": scenes.lambert(), **changes}
 
 
-def hidden(horizon, point, on_bed=True):
+def hidden(horizon, point, on_bed=True, origin=ORIGIN):
     """What a horizon says of points (R, 3)."""
-    d = point - ORIGIN
+    d = point - origin
     x = np.hypot(d[:, 0], d[:, 1])
     columns = [upload(mi.Float, column.astype(np.float32)) for column in
                (d[:, 0] / x, d[:, 1] / x, x, d[:, 2] / np.hypot(x, d[:, 2]))]
@@ -36,7 +37,7 @@ def hidden(horizon, point, on_bed=True):
 
 def test_a_rippled_bed_hides_what_rays_do_not_reach():
     geometry = Geometry(scenes.array_sonar({"seabed": rippled()}))
-    horizon = BedHorizon(geometry, REACH).around(ORIGIN, straight)
+    horizon = BedHorizon(geometry, REACH).around(ORIGIN, straight, 1.0)
     random = np.random.default_rng(2)
     x, phi = random.uniform(2, 39, 20000), random.uniform(0, 2 * np.pi, 20000)
     top = mi.Point3f(*(upload(mi.Float, v.astype(np.float32)) for v in
@@ -53,25 +54,50 @@ def test_a_rippled_bed_hides_what_rays_do_not_reach():
     assert (found != truth).mean() < 0.01
 
 
+@pytest.mark.parametrize("depth, ratio", [(17.0, 1.0), (12.0, 1.0), (12.0, 1.04), (5.0, 1.0), (20.4, 1.0)])
+def test_nothing_is_hidden_before_the_horizon_begins(monkeypatch, depth, ratio):
+    """The same points on the bed and over it are hidden as by a horizon that is known from the sonar on."""
+    geometry, above = Geometry(scenes.array_sonar({"seabed": rippled()})), np.array([1.3, -2.1, -depth])
+    random = np.random.default_rng(5)
+    point = np.stack([*random.uniform(-40, 40, (2, 40000)), np.zeros(40000)], 1)
+    down = geometry.scene.ray_intersect(mi.Ray3f(mi.Point3f(*(upload(mi.Float, v.astype(np.float32)) for v in point.T)),
+                                                 mi.Vector3f(0, 0, -1)))
+    point[:, 2] = down.p.numpy()[2]
+    some = np.hypot(*(point - above)[:, :2].T) < REACH
+    point, bed = point[some], BedHorizon(geometry, REACH)
+    short = bed.around(above, straight, ratio)
+    monkeypatch.setattr(BedHorizon, "_first", lambda *_: 0)
+    whole = bed.around(above, straight, ratio)
+    assert whole.first == 0 and (short.first > 0) == (depth < 19)
+    for height in (0.0, 0.3):
+        found = [hidden(one, point + [0, 0, height], height == 0, above) for one in (short, whole)]
+        np.testing.assert_array_equal(*found)
+        assert height or found[0].any()
+
+
 def test_windows_do_not_matter():
     """The same place seen after sampling another part of the bed gives the same bits."""
     bed = BedHorizon(Geometry(scenes.array_sonar({"seabed": rippled(length=300.0)})), REACH)
-    first = bed.around(ORIGIN, straight).sine.numpy()
-    bed.around(ORIGIN + [0.0, 90.0, 0.0], straight)
-    assert (bed.around(ORIGIN, straight).sine.numpy() == first).all()
+    first = bed.around(ORIGIN, straight, 1.0).sine.numpy()
+    bed.around(ORIGIN + [0.0, 90.0, 0.0], straight, 1.0)
+    assert (bed.around(ORIGIN, straight, 1.0).sine.numpy() == first).all()
 
 
 def test_a_flat_bed_hides_nothing_of_itself():
     horizon = BedHorizon(Geometry(scenes.array_sonar({"seabed": scenes.bed(20.0, size=100.0)})), REACH).around(
-        ORIGIN, straight)
+        ORIGIN, straight, 1.0)
     x, phi = np.linspace(0.3, 39, 500), np.linspace(0, 20, 500)
     point = np.stack([ORIGIN[0] + x * np.cos(phi), ORIGIN[1] + x * np.sin(phi), -20 + 0 * x], 1)
     assert not hidden(horizon, point).any()
     assert hidden(horizon, point - [0, 0, 0.5], on_bed=False)[x > 5].all()
+    of_a_grid = BedHorizon(Geometry(scenes.array_sonar({"seabed": rippled(ripple_height=0.0)})), REACH).around(
+        ORIGIN, straight, 1.0)
+    assert of_a_grid.places == 1 and not hidden(of_a_grid, point).any()
 
 
 def test_without_a_seabed_there_is_no_horizon():
-    assert BedHorizon(Geometry(scenes.array_sonar({"rock": scenes.bed(20.0)})), REACH).around(ORIGIN, straight) is None
+    bed = BedHorizon(Geometry(scenes.array_sonar({"rock": scenes.bed(20.0)})), REACH)
+    assert bed.around(ORIGIN, straight, 1.0) is None
 
 
 def test_points_known_to_lie_under_the_bed_are_those_that_rays_do_not_reach():
@@ -102,5 +128,5 @@ def test_a_field_without_targets_leaves_the_horizon_as_it_is():
     """The same bits: its buried speck is no part of the bed, for which a bed of a grid would be sampled by rays."""
     empty = {"type": "targets", "species": "rounded_stone", "count": 0, "bed": {"type": "ref", "id": "seabed"}}
     sines = [BedHorizon(Geometry(scenes.array_sonar({"seabed": rippled(), **more})), REACH).around(
-        ORIGIN, straight).sine.numpy() for more in ({}, {"stones": empty})]
+        ORIGIN, straight, 1.0).sine.numpy() for more in ({}, {"stones": empty})]
     assert (sines[0] == sines[1]).all()

@@ -6,6 +6,14 @@
 lower than the one to a nearer crest of the same azimuth passes below that crest. This is exact for rays that do not
 cross before the crest, and needs table look-ups instead of rays.
 
+A bed hides parts of itself, or of what stands on it, only where it falls off more steeply than a ray comes down to it,
+at an angle θ_1. With the straight line's angle α, tan α >= (z_0 - max z_b) / x, and cos θ_1 <= cos α max c / min c
+(Snell's law, and a ray is somewhere as steep as its chord). The horizon begins at the first block of the grid where
+
+    cos α max c / min c > 1 / √(1 + s²)                                           s the steepest slope of its cells
+
+and what lies nearer is not hidden, unless it lies in the bed: that is not for the horizon to tell.
+
 A bed whose vertices are the nodes of a grid is used as it is. Any other bed is sampled by vertical rays at the nodes of
 a grid; it needs a single height at every place. Nodes are fixed on the ground: shadows do not depend
 on the part of the bed that is looked at.
@@ -41,6 +49,7 @@ SLACK = 2e-4                       # sine below its own horizon at which the bed
 SLACK_ABOVE = 6e-4                 # the same for things on the bed
 BLOCK = 16                         # cells of a grid whose least height is known together
 UNDER = 0.05                       # [m] under these heights, from where points count as under the bed
+STEEPER = 1.05                     # margin of slopes, as heights are interpolated
 WINDOW = 0.5                       # step of the sampled window, relative to the reach
 
 
@@ -49,7 +58,8 @@ class Horizon:
     """Horizon around a place, on the device."""
 
     sine: mi.Float  # H
-    places: int
+    first: int  # number of the first place
+    places: int  # from there on
     step: float  # [m]: between places
 
     def hidden(self, heading: mi.Vector2f, horizontal_range: mi.Float, rise: mi.Float, on_bed: mi.Bool) -> mi.Bool:
@@ -58,11 +68,12 @@ class Horizon:
         turn = held(dr.select(turn < 0, turn + AZIMUTHS, turn), 0.0, AZIMUTHS - 1e-3)
         a, places = mi.UInt32(turn), dr.opaque(mi.UInt32, self.places)
         share = turn - mi.Float(a)
-        k = mi.UInt32(held(horizontal_range * dr.opaque(mi.Float, 1 / self.step) - AHEAD, 0.0,
-                           mi.Float(places) - 1))
+        place = horizontal_range * dr.opaque(mi.Float, 1 / self.step) - dr.opaque(mi.Float, AHEAD + self.first)
+        k = mi.UInt32(held(place, 0.0, mi.Float(places) - 1))
         after = dr.select(a + 1 < AZIMUTHS, a + 1, 0)
         here, there = (dr.gather(mi.Float, self.sine, row * places + k) for row in (a, after))
-        return rise < here + (there - here) * share - dr.select(on_bed, SLACK, SLACK_ABOVE)
+        lower = rise < here + (there - here) * share - dr.select(on_bed, SLACK, SLACK_ABOVE)
+        return lower & ((place >= 0) | dr.opaque(mi.Bool, not self.first))
 
 
 class BedHorizon:
@@ -87,6 +98,7 @@ class BedHorizon:
             self._step = (self._high - self._low)[:2] / (np.array(self._grid.shape[::-1]) - 1)
         self._window: tuple[tuple[int, ...], mi.Float] | None = None
         self._floor = self._lowest(meshes)
+        self._steepest = self._slopes() if self._floor is not None else None
 
     def _lowest(self, meshes: list) -> tuple[mi.Float, np.ndarray] | None:
         """Return the least heights in blocks of the grid's cells, and their sizes [m]; None if the grid has holes."""
@@ -97,10 +109,31 @@ class BedHorizon:
         if meshes[0][3] != 2 * rows * columns:
             return None
         # the nodes at the edges of a block belong to it
-        lowest = np.minimum(np.minimum(grid[:-1, :-1], grid[1:, :-1]), np.minimum(grid[:-1, 1:], grid[1:, 1:]))
-        for axis in (0, 1):
-            lowest = np.minimum.reduceat(lowest, np.arange(0, lowest.shape[axis], BLOCK), axis=axis)
+        lowest = _of_blocks(np.minimum, np.minimum(np.minimum(grid[:-1, :-1], grid[1:, :-1]),
+                                                   np.minimum(grid[:-1, 1:], grid[1:, 1:])))
         return upload(mi.Float, lowest), np.array(lowest.shape)
+
+    def _slopes(self) -> tuple[np.ndarray, np.ndarray, float]:
+        """Return the steepest slopes (N,) of the blocks of a grid, their middles (N, 2) [m], and their radius [m]."""
+        grid, (dx, dy) = self._grid, self._step
+        assert grid is not None
+        x, y = (np.abs(np.diff(grid, axis=axis)) * np.float32(1 / step) for axis, step in ((1, dx), (0, dy)))
+        steepest = _of_blocks(np.maximum, np.hypot(np.maximum(x[:-1], x[1:]), np.maximum(y[:, :-1], y[:, 1:])))
+        row, column = np.indices(steepest.shape).reshape(2, -1)
+        middle = self._low[:2] + (np.stack([column, row], 1) + 0.5) * BLOCK * self._step
+        return steepest.ravel().astype(float), middle, 0.5 * BLOCK * float(np.hypot(dx, dy))
+
+    def _first(self, origin: np.ndarray, speed_ratio: float, step: float, places: int) -> int:
+        """Return the number of the first of the places, a step apart, at which the bed may hide something."""
+        drop = float(origin[2] - self._high[2]) if self._steepest is not None else 0.0
+        if self._steepest is None or drop <= 0:
+            return 0
+        slope, middle, radius = self._steepest
+        away = np.hypot(*(middle - origin[:2]).T)
+        far = away + radius
+        hides = far * speed_ratio * np.hypot(1, STEEPER * slope) > np.hypot(far, drop)
+        nearest = float(np.min(away - radius, where=hides, initial=np.inf))
+        return int(min(max(nearest / step - 1, 0), places - 1))
 
     def under(self, origin: np.ndarray) -> Callable[[dr.ArrayBase], mi.Bool] | None:
         """Return a test of points (R,) [m] that is True only for those under the bed that a place (3,) [m] lies over.
@@ -131,19 +164,25 @@ class BedHorizon:
         """Height of the beds' highest point [m]; minus infinity if there is no seabed."""
         return float(self._high[2]) if self.exists else -np.inf
 
-    def around(self, origin: np.ndarray, launch_rise: Callable[[mi.Float, mi.Float], mi.Float]) -> Horizon | None:
-        """Return the horizon around a place (3,) [m]; None if there is no seabed."""
+    def around(self, origin: np.ndarray, launch_rise: Callable[[mi.Float, mi.Float], mi.Float],
+               speed_ratio: float) -> Horizon | None:
+        """Return the horizon around a place (3,) [m]; None if there is no seabed.
+
+        `speed_ratio` is that of the largest and the least speed of sound.
+        """
         if not self.exists:
             return None
         first, size = self._span(origin)
         heights = self._heights(first, size)
         step = max(float(self._step.min()) * WALK, self.farthest / MOST_PLACES)
         places = int(self.farthest / step) + 2
+        first_place = self._first(origin, speed_ratio, step, places)
+        places -= first_place
         base = (self._low[:2] + np.array(first) * self._step - origin[:2]) / self._step
         numbers = [dr.opaque(mi.Float, float(v)) for v in (step, *(1 / self._step), -base[0], -base[1], origin[2])]
-        columns, rows, opaque_places = (dr.opaque(mi.UInt32, n) for n in (*size, places))
-        sine = _walked(self.lib, heights, launch_rise, numbers, columns, rows, opaque_places, AZIMUTHS * places)
-        return Horizon(sine=sine, places=places, step=step)
+        counts = [dr.opaque(mi.UInt32, n) for n in (*size, first_place, places)]
+        sine = _walked(self.lib, heights, launch_rise, numbers, *counts, AZIMUTHS * places)
+        return Horizon(sine=sine, first=first_place, places=places, step=step)
 
     def _span(self, origin: np.ndarray) -> tuple[tuple[int, int], tuple[int, int]]:
         """Return the first node and the number of nodes, along x and y, of the window about a place."""
@@ -184,6 +223,13 @@ class BedHorizon:
         return self._window[1]
 
 
+def _of_blocks(reduction: np.ufunc, cells: np.ndarray) -> np.ndarray:
+    """Return a reduction of the cells (R, C) of every block."""
+    for axis in (0, 1):
+        cells = reduction.reduceat(cells, np.arange(0, cells.shape[axis], BLOCK), axis=axis)
+    return cells
+
+
 def _facet_size(geometry: Geometry, beds: list, otherwise: float) -> float:
     """Return the side [m] of squares of two of the bed's facets, where a quarter of the facets are smaller."""
     areas = []
@@ -221,7 +267,7 @@ def _as_grid(geometry: Geometry, mesh: tuple, own: float) -> np.ndarray | None:
 
 
 @dr.syntax
-def _walked(lib, heights, launch_rise, numbers, columns, rows, places, total):
+def _walked(lib, heights, launch_rise, numbers, columns, rows, first, places, total):
     """Return the running maxima of the launch sines along every azimuth: Float (total,)."""
     step, per_x, per_y, x0, y0, z0 = numbers
     azimuth = dr.arange(lib.UInt32, AZIMUTHS)
@@ -230,9 +276,9 @@ def _walked(lib, heights, launch_rise, numbers, columns, rows, places, total):
     best, k = lib.Float(OPEN), lib.UInt32(0)
     last_x, last_y = lib.Float(columns) - 1, lib.Float(rows) - 1
     while k < places:
-        x = lib.Float(k) * step
+        x = lib.Float(first + k) * step
         px, py = dr.fma(cosine, x * per_x, x0), dr.fma(sine, x * per_y, y0)
-        inside = (px >= 0) & (py >= 0) & (px < last_x) & (py < last_y) & (k > 0)
+        inside = (px >= 0) & (py >= 0) & (px < last_x) & (py < last_y) & (first + k > 0)
         j, i = lib.UInt32(dr.select(inside, px, 0)), lib.UInt32(dr.select(inside, py, 0))
         fx, fy, at = px - lib.Float(j), py - lib.Float(i), i * columns + j
         a, b = dr.gather(lib.Float, heights, at, inside), dr.gather(lib.Float, heights, at + 1, inside)

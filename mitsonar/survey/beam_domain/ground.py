@@ -187,7 +187,8 @@ class Ground:
         on_bed = dr.gather(mi.UInt32, self._kinds, scatterers.label) == SEABED
         state = dr.zeros(mi.UInt32, dr.width(scatterers.label))
         heading = mi.Vector2f(launch.x, launch.y)
-        horizon = self._horizon.around(origin, table.launch_rise)
+        water = self.ensonification.water
+        horizon = self._horizon.around(origin, table.launch_rise, water.fastest / water.slowest)
         if horizon is not None:
             hidden = horizon.hidden(heading, legs.horizontal_range, launch.z, on_bed)
             # the far side of a crest, whose upward normal points away
