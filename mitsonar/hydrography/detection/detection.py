@@ -230,8 +230,8 @@ def _finite(halves: tuple[np.ndarray, np.ndarray], time: np.ndarray, pulse_lengt
 
 def _intensity(halves: tuple[np.ndarray, np.ndarray], windows: Windows) -> np.ndarray:
     """Return the whole beam's intensity (W,) in windows."""
-    whole = (windows.taken(halves[0]).astype(complex) + windows.taken(halves[1])) / 2
-    return whole.real ** 2 + whole.imag ** 2
+    whole = windows.taken(halves[0]) + windows.taken(halves[1])
+    return 0.25 * (np.square(whole.real, dtype=float) + np.square(whole.imag, dtype=float))
 
 
 def _checked(halves: tuple[np.ndarray, np.ndarray], time: np.ndarray, sines: np.ndarray,

@@ -85,8 +85,9 @@ class _PhaseBeams:
     def samples(self, centre: np.ndarray, half: np.ndarray) -> _PhaseSamples:
         """Return the samples about a time of every beam."""
         windows = windows_about(self.time, centre, half + self.spacing)
-        port, starboard = (windows.taken(record).astype(complex) for record in self.halves)
-        return _PhaseSamples(product=starboard * np.conj(port), instants=self.time[windows.sample], windows=windows)
+        port, starboard = (windows.taken(record) for record in self.halves)
+        return _PhaseSamples(product=(starboard * np.conj(port)).astype(complex), windows=windows,
+                             instants=self.time[windows.sample])
 
 
 def _settled(beams: _PhaseBeams, centre: np.ndarray, incidence: np.ndarray,
