@@ -18,6 +18,7 @@ SCENES = {"sidescan_wreck": {}, "forward_looking": {"frequency_khz": 1200, "beam
 def main(argv=None):
     """Measure and print a table."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--scenes", nargs="+", choices=[*SCENES], default=[*SCENES])
     parser.add_argument("--pings", type=int, default=20, help="of a picture; default 20")
     parser.add_argument("--rays", type=int, default=150_000, help="per ping of the sidescan; default 150000")
     parser.add_argument("--rounds", type=int, default=5)
@@ -27,7 +28,8 @@ def main(argv=None):
 
     print(measuring.machine())
     rows = []
-    for name, values in SCENES.items():
+    for name in arguments.scenes:
+        values = SCENES[name]
         rays = {"rays": arguments.rays} if name == "sidescan_wreck" else {}
         scene = mitsonar.load_file(measuring.ROOT / "scenes" / f"{name}.xml", pings=arguments.pings, **rays, **values)
         picture, whole = least(lambda scene=scene: mitsonar.render(scene), max(1, arguments.rounds // 2))

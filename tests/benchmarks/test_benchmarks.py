@@ -49,7 +49,7 @@ RUNS = {
     "strips": (["strips.py", "--cell", "0.3", "--rounds", "1", "-Dreceivers=6", "-Doverlap=2"], "this checkout"),
     "sweep": (["sweep.py", "--renders", "4", "--kills", "1"], "outputs the same"),
     "kernels": (["kernels.py", "--images", "2", "--kinds", "echo_sounder"], "beside rendering"),
-    "recorders": (["recorders.py", "--pings", "1", "--rays", "2000", "--rounds", "1"], "sector_scan"),
+    "recorders": (["recorders.py", "--scenes", "sector_scan", "--pings", "1", "--rounds", "1"], "sector_scan"),
     "real_sidescan": (["real_sidescan.py", "--real", "none.xtf", "--pings", "70", "-Drays=10000", "-Dbed_spacing=0.3",
                        "-Dripple_height=0", "-Dripple_wavelength=2", "-Dbins=512"], "coefficient of variation"),
     "real_heights": (["real_heights.py", "--line", "none.kmall"], "is not here"),

@@ -14,6 +14,8 @@ from test_soundings_go_on import SCENE
 
 from mitsonar.cli import main as cli
 
+# one sector, and beams twice as wide: a ping takes half as long
+SIMPLE = SCENE.replace("narrow_600khz", "shallow_400khz")
 PLAN = """
 scene = "scene.xml"
 output = "line_{depth}.nc"
@@ -28,12 +30,13 @@ snippets = 4
 @pytest.fixture
 def scene(folder):
     """A small line of soundings in the current folder, and a plan of two such lines."""
-    (folder / "scene.xml").write_text(SCENE, encoding="utf-8")
+    (folder / "scene.xml").write_text(SIMPLE, encoding="utf-8")
     (folder / "plan.toml").write_text(PLAN, encoding="utf-8")
     return folder
 
 
 def test_processes_share_a_line_and_a_dry_run_leaves_nothing(variant, scene, capfd):
+    (scene / "scene.xml").write_text(SCENE, encoding="utf-8")
     line = ["soundings", "scene.xml", "--seed", "5", "--column"]
     assert cli.main([*line, "-o", "a.nc"]) == 0
     assert cli.main([*line, "-o", "b.nc", "--processes", "2"]) == 0
@@ -82,10 +85,10 @@ def test_a_sweep_sounds_lines_goes_on_and_replaces_unfinished_files_of_other_pin
 @pytest.mark.slow
 def test_a_line_of_several_processes_that_is_killed_goes_on_and_its_workers_end(variant, scene):
     words = ["soundings", "scene.xml", "--processes", "2", "--threads", "2", "-o"]
-    text = SCENE.replace('name="pings" value="3"', 'name="pings" value="30"')
+    text = SIMPLE.replace('name="pings" value="3"', 'name="pings" value="20"')
     (scene / "scene.xml").write_text(text, encoding="utf-8")
     assert cli.main([*words, "whole.nc"]) == 0
-    for pings in (1, 14):
+    for pings in (1, 10):
         run = subprocess.Popen([sys.executable, "-m", "mitsonar", *words, "line.nc"], stderr=subprocess.DEVNULL)
         deadline = time.monotonic() + 120
         while _written(scene / "line.nc.part") < pings and run.poll() is None and time.monotonic() < deadline:

@@ -4,8 +4,8 @@
 
 runs the blocks of pages in one process, each page in a folder of its own that has `scenes` in it. Blocks marked
 ``python`` are executed, each in a namespace of its own; of those marked ``bash`` every line is a command of mitsonar,
-and is run but for the one that runs the tests; the demo has few pings. A block after the line ``<!-- file: NAME -->``
-becomes that file, and one after ``<!-- not run: REASON -->`` is left out.
+and is run but for the one that runs the tests; the demo has few pings, and dry runs time few renders. A block after
+the line ``<!-- file: NAME -->`` becomes that file, and one after ``<!-- not run: REASON -->`` is left out.
 """
 import os
 import re
@@ -91,8 +91,10 @@ def run(page: Path) -> None:
     """Run a page's blocks in order, in a new folder below the current one; print the line of each block first."""
     from mitsonar.__main__ import main
     from mitsonar.cli import rendering
+    from mitsonar.sweep import estimate
 
     rendering.DEMO["pings"] = 20       # of 560: the others only take longer
+    estimate.TRIALS = 2                # of 3 renders that a dry run times, of which the first compiles
     folder = Path(page.stem)
     folder.mkdir()
     os.chdir(folder)

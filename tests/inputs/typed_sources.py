@@ -34,7 +34,9 @@ def findings(*arguments):
     with tempfile.TemporaryDirectory() as folder:
         mend_stubs(Path(folder))
         project = Path(folder) / "pyrightconfig.json"
-        project.write_text(json.dumps({"extends": str(ROOT / "pyproject.toml"), "stubPath": folder}), encoding="utf-8")
+        # without its own folder, `import mitsonar` would lead to the checkout that this environment was made for
+        project.write_text(json.dumps({"extends": str(ROOT / "pyproject.toml"), "stubPath": folder,
+                                       "extraPaths": [str(ROOT)]}), encoding="utf-8")
         command = [sys.executable, "-m", "pyright", "--project", str(project), "--pythonpath", sys.executable,
                    "--outputjson", *arguments]
         # its wrapper would ask the network for a newer one

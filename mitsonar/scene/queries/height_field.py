@@ -163,6 +163,49 @@ def _of_blocks(extreme: np.ufunc, heights: np.ndarray) -> np.ndarray:
     return heights
 
 
+# Steps of the loop of `_walked`, with declared results: pyright takes minutes to infer them within the loop.
+def _met(z: Any, x: mi.Float, y: mi.Float, dx: mi.Float, dy: mi.Float, o_z: mi.Float, d_z: mi.Float,
+         maxt: mi.Float) -> mi.Float:
+    """Return the distances [m] at which rays meet the triangles of cells of heights z [m]; infinite without a hit."""
+    b, c = z[1] - z[0], z[2] - z[0]
+    lower = (z[0] + dr.fma(b, x, c * y) - o_z) * dr.rcp(d_z - dr.fma(b, dx, c * dy))
+    at_x, at_y = dr.fma(lower, dx, x), dr.fma(lower, dy, y)
+    good = (lower >= 0) & (lower <= maxt) & (at_x >= -EDGE) & (at_y >= -EDGE) & (at_x + at_y <= 1 + EDGE)
+    met = dr.select(good, lower, mi.Float(dr.inf))
+    b, c = z[3] - z[2], z[3] - z[1]
+    upper = (z[3] + dr.fma(b, x - 1, c * (y - 1)) - o_z) * dr.rcp(d_z - dr.fma(b, dx, c * dy))
+    at_x, at_y = dr.fma(upper, dx, x), dr.fma(upper, dy, y)
+    good = (upper >= 0) & (upper <= maxt) & (at_x <= 1 + EDGE) & (at_y <= 1 + EDGE) & (at_x + at_y >= 1 - EDGE)
+    return dr.select(good, dr.minimum(met, upper), met)
+
+
+def _left(place: mi.Int32, ahead: mi.Float, side: mi.Float, start: mi.Float, metres: mi.Float) -> mi.Float:
+    """Return the distances [m] at which rays leave a column or row of cells or blocks of `side` cells."""
+    return dr.fma(mi.Float(place) + ahead, side, -start) * metres
+
+
+def _inside(column: mi.Int32, row: mi.Int32, fine: mi.Bool, columns: mi.UInt32, rows: mi.UInt32,
+            blocks_across: mi.UInt32) -> mi.Bool:
+    """Return True where there are such a column and row of cells, or of blocks."""
+    limit_x = dr.select(fine, mi.Int32(columns), mi.Int32(blocks_across))
+    limit_y = dr.select(fine, mi.Int32(rows), (mi.Int32(rows) + (BLOCK - 1)) >> BITS)
+    return (column >= 0) & (row >= 0) & (column < limit_x) & (row < limit_y)
+
+
+def _entered(block: mi.Int32, place: mi.Float, cells: mi.UInt32) -> mi.Int32:
+    """Return the column or row of the cell where a ray at `place` [cells] enters a block."""
+    first = block * BLOCK
+    return dr.clip(mi.Int32(dr.floor(place)), first, dr.minimum(first + (BLOCK - 1), mi.Int32(cells) - 1))
+
+
+def _next(column: mi.Int32, row: mi.Int32, step_x: mi.Int32, step_y: mi.Int32, across: mi.Bool,
+          fine: mi.Bool) -> tuple[mi.Int32, mi.Int32, mi.Bool]:
+    """Return column and row of the next cell or block, and True where a ray leaves the block of its cell."""
+    next_column, next_row = dr.select(across, column + step_x, column), dr.select(across, row, row + step_y)
+    left = fine & (((next_column >> BITS) != (column >> BITS)) | ((next_row >> BITS) != (row >> BITS)))
+    return dr.select(left, next_column >> BITS, next_column), dr.select(left, next_row >> BITS, next_row), left
+
+
 @dr.syntax
 def _walked(lib: ArrayTypes, cells: mi.Float, blocks: mi.Float, counts: list[mi.UInt32], numbers: list[mi.Float],
             ray: mi.Ray3f, active: mi.Bool):
@@ -192,24 +235,14 @@ def _walked(lib: ArrayTypes, cells: mi.Float, blocks: mi.Float, counts: list[mi.
     active = mi.Bool(active) & (t <= end)
     while active:
         side = dr.select(fine, mi.Float(1), BLOCK)
-        out_x = dr.fma(mi.Float(column) + ahead_x, side, -px) * metres_x
-        out_y = dr.fma(mi.Float(row) + ahead_y, side, -py) * metres_y
+        out_x = _left(column, ahead_x, side, px, metres_x)
+        out_y = _left(row, ahead_y, side, py, metres_y)
         out = dr.maximum(dr.minimum(dr.minimum(out_x, out_y), end), t)
         met, enter = mi.Float(dr.inf), mi.Bool(False)
         if fine:
             z = dr.gather(lib.Array4f, cells, mi.UInt32(row) * columns + mi.UInt32(column), active)
             x, y = px - mi.Float(column), py - mi.Float(row)
-            b, c = z[1] - z[0], z[2] - z[0]
-            lower = (z[0] + dr.fma(b, x, c * y) - o.z) * dr.rcp(d.z - dr.fma(b, dx, c * dy))
-            at_x, at_y = dr.fma(lower, dx, x), dr.fma(lower, dy, y)
-            good = (lower >= 0) & (lower <= ray.maxt) & (at_x >= -EDGE) & (at_y >= -EDGE) & (at_x + at_y <= 1 + EDGE)
-            met = dr.select(good, lower, met)
-            b, c = z[3] - z[2], z[3] - z[1]
-            upper = (z[3] + dr.fma(b, x - 1, c * (y - 1)) - o.z) * dr.rcp(d.z - dr.fma(b, dx, c * dy))
-            at_x, at_y = dr.fma(upper, dx, x), dr.fma(upper, dy, y)
-            good = ((upper >= 0) & (upper <= ray.maxt) & (at_x <= 1 + EDGE) & (at_y <= 1 + EDGE)
-                    & (at_x + at_y >= 1 - EDGE))
-            met = dr.select(good, dr.minimum(met, upper), met)
+            met = _met(z, x, y, dx, dy, o.z, d.z, ray.maxt)
         else:
             span = dr.gather(lib.Array2f, blocks, mi.UInt32(row) * blocks_across + mi.UInt32(column), active)
             here, there = dr.fma(t, d.z, o.z), dr.fma(out, d.z, o.z)
@@ -217,25 +250,16 @@ def _walked(lib: ArrayTypes, cells: mi.Float, blocks: mi.Float, counts: list[mi.
         best = dr.select(active, dr.minimum(best, met), best)
         active &= ~(best < dr.inf)
         # into the block, at the cell where the ray enters it
-        first_column, first_row = column * BLOCK, row * BLOCK
-        inner_column = dr.clip(mi.Int32(dr.floor(dr.fma(t, dx, px))), first_column,
-                               dr.minimum(first_column + (BLOCK - 1), mi.Int32(columns) - 1))
-        inner_row = dr.clip(mi.Int32(dr.floor(dr.fma(t, dy, py))), first_row,
-                            dr.minimum(first_row + (BLOCK - 1), mi.Int32(rows) - 1))
+        inner_column = _entered(column, dr.fma(t, dx, px), columns)
+        inner_row = _entered(row, dr.fma(t, dy, py), rows)
         # or on to the next block or cell
-        across = out_x <= out_y
-        next_column, next_row = dr.select(across, column + step_x, column), dr.select(across, row, row + step_y)
-        left = fine & (((next_column >> BITS) != (column >> BITS)) | ((next_row >> BITS) != (row >> BITS)))
-        next_column = dr.select(left, next_column >> BITS, next_column)
-        next_row = dr.select(left, next_row >> BITS, next_row)
+        next_column, next_row, left = _next(column, row, step_x, step_y, out_x <= out_y, fine)
         column = dr.select(active, dr.select(enter, inner_column, next_column), column)
         row = dr.select(active, dr.select(enter, inner_row, next_row), row)
         t = dr.select(enter, t, out)
         fine = (fine & ~left) | enter
-        limit_x = dr.select(fine, mi.Int32(columns), mi.Int32(blocks_across))
-        limit_y = dr.select(fine, mi.Int32(rows), (mi.Int32(rows) + (BLOCK - 1)) >> BITS)
         active &= enter | (t < end)
-        active &= (column >= 0) & (row >= 0) & (column < limit_x) & (row < limit_y)
+        active &= _inside(column, row, fine, columns, rows, blocks_across)
     x = held(dr.fma(best, dx, px) - mi.Float(column), 0.0, 1.0)
     y = held(dr.fma(best, dy, py) - mi.Float(row), 0.0, 1.0)
     return best, mi.UInt32(column), mi.UInt32(row), x, y

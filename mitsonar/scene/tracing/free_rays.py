@@ -67,6 +67,11 @@ class FreeRays:
                     smooth=towards_sound(smooth, normal, arrival))
 
 
+def _point(start: mi.Point3f, heading: mi.Vector2f, r: mi.Float, z: mi.Float) -> mi.Point3f:
+    """Return the points at horizontal distances r [m] from `start` and depths z [m]."""
+    return mi.Point3f(dr.fma(r, heading.x, start.x), dr.fma(r, heading.y, start.y), -z)
+
+
 @dr.syntax
 def _followed(scene, table, lib, start, heading, z, s, p, limits, active):
     """Walk chords to the first hit.
@@ -87,10 +92,8 @@ def _followed(scene, table, lib, start, heading, z, s, p, limits, active):
     while active:
         k2, z2, s2, advance, descent, c1, c2, g = arc_step(table, k, z, s, p, longest, active)
         r1, z1 = mi.Float(r + advance), mi.Float(z2)
-        a = mi.Point3f(dr.fma(r0, heading.x, start.x), dr.fma(r0, heading.y, start.y), -z0)
-        b = mi.Point3f(dr.fma(r1, heading.x, start.x), dr.fma(r1, heading.y, start.y), -z1)
         # chords end at the layers' edges; rounding must not let one pass a flat bed there
-        ray, long_enough = segment(a, b, LIFT)
+        ray, long_enough = segment(_point(start, heading, r0, z0), _point(start, heading, r1, z1), LIFT)
         pi = scene.ray_intersect_preliminary(ray, coherent=False, active=active & long_enough)
         valid = pi.is_valid() & active & long_enough
         going = active & ~valid

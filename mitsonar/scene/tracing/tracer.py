@@ -206,7 +206,7 @@ def registry_index(pi: mi.PreliminaryIntersection3f | mi.SurfaceInteraction3f) -
     return cast(mi.UInt32, dr.reinterpret_array(mi.UInt32, solid))
 
 
-def _kind(kinds, pi, active):
+def _kind(kinds: mi.UInt32, pi: mi.PreliminaryIntersection3f, active: mi.Bool) -> mi.UInt32:
     """Return the kinds of the shapes hit."""
     return dr.gather(mi.UInt32, kinds, registry_index(pi), active)
 
@@ -235,7 +235,8 @@ def _unit_sine(direction, wide):
     return dr.select(abs(sine) < 1e-12, 1e-12, sine), across * scale    # exactly level rays spread 0/0
 
 
-def _chord_ray(origin, heading, r0, z0, r1, z1):
+def _chord_ray(origin: mi.Point3f, heading: mi.Vector2f, r0: mi.Float, z0: mi.Float, r1: mi.Float,
+               z1: mi.Float) -> mi.Ray3f:
     """Return the ray along a chord, of unit direction: Mitsuba's spheres and cylinders misplace others' hits by cm."""
     across, down = r1 - r0, z1 - z0
     square = dr.fma(across, across, down * down)
@@ -243,6 +244,13 @@ def _chord_ray(origin, heading, r0, z0, r1, z1):
     across, down = across * per_length, down * per_length
     start = mi.Point3f(dr.fma(r0, heading.x, origin.x), dr.fma(r0, heading.y, origin.y), -z0)
     return mi.Ray3f(mi.Ray3f(start, mi.Vector3f(across * heading.x, across * heading.y, -down)), square * per_length)
+
+
+def _along(distance: mi.Float, r0: mi.Float, z0: mi.Float, r1: mi.Float, z1: mi.Float) -> tuple[mi.Float, mi.Float]:
+    """Return r and z [m] at distances [m] along chords, at their ends at most."""
+    across, down = r1 - r0, z1 - z0
+    share = dr.minimum(distance * dr.rsqrt(dr.maximum(across * across + down * down, 1e-12)), 1)
+    return dr.fma(share, across, r0), dr.fma(share, down, z0)
 
 
 @dr.syntax
@@ -288,9 +296,7 @@ def _seabed_behind(scene, kinds, fans, origin, source, launch_angle, heading, ch
     pi = dr.zeros(mi.PreliminaryIntersection3f, dr.width(launch_angle))
     valid = mi.Bool(False)
     while active:
-        across, down = r1 - r0, z1 - z0
-        share = dr.minimum((t + BEYOND) * dr.rsqrt(dr.maximum(across * across + down * down, 1e-12)), 1)
-        r0, z0 = dr.fma(share, across, r0), dr.fma(share, down, z0)
+        r0, z0 = _along(t + BEYOND, r0, z0, r1, z1)
         pi = scene.ray_intersect_preliminary(_chord_ray(origin, heading, r0, z0, r1, z1), coherent=True, active=active)
         met = pi.is_valid() & active
         valid = met & (_kind(kinds, pi, met) == SEABED)
