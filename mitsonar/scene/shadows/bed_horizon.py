@@ -91,7 +91,7 @@ class BedHorizon:
         self._low = np.min([np.array(box.min, float) for box in boxes], axis=0)
         self._high = np.max([np.array(box.max, float) for box in boxes], axis=0)
         own, meshes = _facet_size(geometry, beds, self.farthest), [mesh for mesh in geometry.meshes if mesh[1] in beds]
-        self._beds, self._sampled = beds, None
+        self._scene, self._beds, self._sampled = geometry.scene, beds, None
         self._grid = _as_grid(geometry, meshes[0], own) if len(meshes) == len(beds) == 1 else None
         self._step = np.full(2, _grid_step(own, self.farthest))                  # along x and y [m]
         if self._grid is not None:
@@ -215,7 +215,8 @@ class BedHorizon:
             top = dr.opaque(mi.Float, float(self._high[2] + 1))
             ray = mi.Ray3f(mi.Point3f(x, y, top), mi.Vector3f(0, 0, -1))
             if self._sampled is None:
-                self._sampled = scene_of(self._beds)
+                scene = self._scene
+                self._sampled = scene if len(scene.shapes()) == len(self._beds) else scene_of(self._beds)
             met = self._sampled.ray_intersect_preliminary(ray, coherent=mi.Bool(True))
             heights = dr.select(met.is_valid(), top - met.t, NO_BED)
             dr.eval(heights)
