@@ -49,7 +49,8 @@ class Salt:
     ARRAY_BOUNCES, ARRAY_WATER = 0x3C6EF372, 0x78DDE6E4
     FAN_TRUTH = 0x3C6EF372         # added to keys; the others are mixed in
     PARTNER, DIRECTION, TARGET = 0x2C1B3C6D, 0x297A2D39, 0x5F356495    # of a ray that bounces on
-    CANDIDATE = 0x7C9E1A4F         # candidates for a ray's partner
+    GOES_ON = 0x3D4F7A63           # of rays at a bounce, those that are followed further
+    CANDIDATE, FAINT_PAIR = 0x7C9E1A4F, 0x1F6D2B95     # candidates for a ray's partner; pairs left out as faint
     PLACE, AMPLITUDE = 0x0B5297A4, 0x68E31DA4           # of the scatterers of a facet
     COUNT = 0x1B56C4E9             # fraction of a scatterer by which facets with the same need differ
     OF_ONE_PASS, PASS = 0x2F0B4C47, 0x3A8C35D1          # a scatterer's part of one pass; seed of a pass

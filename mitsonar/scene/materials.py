@@ -19,6 +19,9 @@ from .geometry import Geometry
 from .protocols import SoundMaterial, smooth_material, sound_material
 
 SCATTERING = (mi.BSDFFlags.DiffuseReflection, mi.BSDFFlags.GlossyReflection)
+IN_BEAM = 0.5                      # share of directions that are drawn near the plane of the beam
+NARROWEST = 0.02                   # [rad] angle from that plane below which they are drawn evenly
+SCALES = float(np.log1p(0.5 * np.pi / NARROWEST))
 
 
 class Meeting(Protocol):
@@ -223,13 +226,20 @@ def coherence(point: dr.ArrayBase, normal: mi.Vector3f, shape: mi.ShapePtr, prim
     return dr.dispatch(shape.bsdf(), law, si)
 
 
-def next_direction(hits: Meeting, active: mi.Bool, frequency: float, sample1: mi.Float,
-                   sample2: mi.Point2f) -> tuple[mi.Vector3f, mi.Float, mi.Bool]:
-    """Draw the direction in which sound goes on from each hit; return it, its energy share and if it is mirrored."""
+def next_direction(hits: Meeting, active: mi.Bool, frequency: float, beam: mi.Vector3f, sample1: mi.Float,
+                   sample2: mi.Point2f, sample3: mi.Float) -> tuple[mi.Vector3f, mi.Float, mi.Bool]:
+    """Draw the direction in which sound goes on from each hit; return it, its energy share and if it is mirrored.
+
+    Only what meets the beam again returns to the sonar. A share of the directions is therefore drawn near the plane of
+    the beam, which holds the normal and the direction `beam` (R,), the rest from the material's law.
+    """
     si = _interaction(hits, active)
+    local = si.to_local(beam)
+    drawn = _near_plane(local, sample2, sample3 * float(1 / IN_BEAM))
 
     def law(material: mi.BSDF, si: mi.SurfaceInteraction3f, frequency: mi.Float, sound_speed: mi.Float,
-            sample1: mi.Float, sample2: mi.Point2f, active: mi.Bool) -> tuple[mi.Vector3f, mi.Float, mi.Bool]:
+            sample1: mi.Float, sample2: mi.Point2f, local: mi.Vector3f, drawn: mi.Vector3f, near: mi.Bool,
+            active: mi.Bool) -> tuple[mi.Vector3f, mi.Float, mi.Bool]:
         own, smooth = sound_material(material), smooth_material(material)
         if own is None:
             sample, weight = material.sample(mi.BSDFContext(), si, sample1, sample2, active)
@@ -237,17 +247,42 @@ def next_direction(hits: Meeting, active: mi.Bool, frequency: float, sample1: mi
         if smooth is not None:
             real, imaginary = smooth.reflection(si, mi.Frame3f.cos_theta(si.wi), frequency, sound_speed, active)
             return mi.Vector3f(-si.wi.x, -si.wi.y, si.wi.z), real * real + imaginary * imaginary, mi.Bool(True)
-        wo = own.drawn_direction(si, si.wi, frequency, sound_speed, sample1, sample2, active)
+        wo = dr.select(near, drawn, own.drawn_direction(si, si.wi, frequency, sound_speed, sample1, sample2, active))
         density = own.direction_density(si, si.wi, wo, frequency, sound_speed, active)
+        density = IN_BEAM * _density_near_plane(local, wo) + (1 - IN_BEAM) * density
         strength = own.patchy_strength(si, si.wi, wo, frequency, sound_speed, active)
         good = active & (density > 0) & (mi.Frame3f.cos_theta(wo) > 0)
         share = strength / (dr.select(good, density, 1) * mi.Frame3f.cos_theta(si.wi))
         return wo, dr.select(good, share, 0), mi.Bool(False)
 
     wo, share, mirrored = dr.dispatch(hits.shape.bsdf(), law, si, dr.opaque(mi.Float, frequency),
-                                      mi.Float(hits.sound_speed), sample1, sample2,
-                                      active & (mi.Frame3f.cos_theta(si.wi) > 1e-6))
+                                      mi.Float(hits.sound_speed), sample1, sample2, local, drawn,
+                                      sample3 < IN_BEAM, active & (mi.Frame3f.cos_theta(si.wi) > 1e-6))
     return si.to_world(wo), share, mirrored
+
+
+def _near_plane(beam, sample2, sample3):
+    """Return directions, cosine-weighted in elevation, at angles of all scales from the azimuth of `beam`."""
+    apart = NARROWEST * (dr.exp(sample2.y * SCALES) - 1)
+    way = mi.UInt32(4 * sample3)                                 # either side, and ahead or back
+    sine, cosine = dr.sincos(dr.select((way & 1) != 0, -apart, apart) + dr.select((way & 2) != 0, mi.Float(np.pi), 0))
+    x, y = _azimuth(beam)
+    across = dr.sqrt(sample2.x)
+    return mi.Vector3f(across * (x * cosine - y * sine), across * (y * cosine + x * sine), dr.sqrt(1 - sample2.x))
+
+
+def _density_near_plane(beam, wo):
+    """Return the density of these directions [1/sr]: 2 cos θ over 4 (δ + δ_0) ln(1 + π / 2 δ_0), δ the angle apart."""
+    (a, b), (x, y) = _azimuth(beam), _azimuth(wo)
+    apart = dr.atan2(abs(a * y - b * x), abs(a * x + b * y))
+    return dr.maximum(wo.z, 0) / (2 * SCALES * (apart + NARROWEST))
+
+
+def _azimuth(direction):
+    """Return the parts of directions along a surface, of unit length."""
+    square = dr.square(direction.x) + dr.square(direction.y)
+    known, scale = square > 1e-12, dr.rsqrt(dr.maximum(square, 1e-12))
+    return dr.select(known, direction.x * scale, 1), dr.select(known, direction.y * scale, 0)
 
 
 def _sound_materials(shapes: Iterable[mi.Shape]) -> Iterator[SoundMaterial]:

@@ -15,6 +15,10 @@ the power `LATE`: late bins are quieter, and must not be neglected for early one
 other along the straight line therefore count if a ray bent by this water may lead from one to the other, and strengths
 are evaluated at grazing angles of at least `LOWEST`.
 
+Most of the chosen pairs are faint beside a few loud ones. Of those whose likely energy w = f² / q is below the mean of
+the paths of the same row and of about the same length, only the share p = w / mean, or `LEAST_SHARE` if that is more,
+is connected, and q becomes q p (Russian roulette: Arvo and Kirk 1990).
+
 Half of the candidates are drawn evenly from the row, half near the ray: at the distance m in either coordinate with
 probability log((m + 2) / (m + 1)), so that all scales get their share.
 """
@@ -26,7 +30,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mitsonar.device.arrays import arrays_of, looped
+from mitsonar.device.arrays import arrays_of, held, looped, upload
 from mitsonar.device.chance import Salt, other_pair, pair, salted, uniform
 from mitsonar.device.types import UInt32
 from mitsonar.scene.materials import bistatic_strength
@@ -65,8 +69,10 @@ def partners(strata: Strata, ray: mi.UInt32, key: mi.UInt32) -> tuple[mi.UInt32,
     return cast(UInt32, strata.index(row, *chosen)), chance
 
 
-CANDIDATES = 8                     # M
+CANDIDATES = 16                    # M
 LATE = 3
+LEAST_SHARE = 1 / 32               # of faint pairs
+A_DOUBLING, LENGTHS = 16, 256      # groups of paths by length [m]: in a doubling of it, and in all
 LOWEST = 0.02                      # sine of a grazing angle
 FAINTEST = 1e-5                    # added to strengths: a law may be 0 along the straight line but not beside it
 NEAREST = 1e-6                     # [m] below which two ends coincide
@@ -93,34 +99,55 @@ class ChosenPartners:
 
         The kinds choose from the same candidates.
         """
-        _, within, _, _ = strata.split(a.ray)
+        row, within, _, _ = strata.split(a.ray)
 
         def add_candidate(k: mi.UInt32, *sums: Any) -> tuple[Any, ...]:
             candidate_key = salted(key, Salt.CANDIDATE, k)
             candidate, chance = partners(strata, a.ray, candidate_key)
             end = b.chosen(candidate)
-            either = self._value(a, end, dr.gather(mi.Float, seen, candidate), strata, folded)
+            either, length = self._value(a, end, dr.gather(mi.Float, seen, candidate), strata, folded)
             bits, _ = other_pair(within, candidate_key)
             state: list[Any] = [k + 1]
-            for kind, (total, partner, worth) in zip(self._kinds, zip(*[iter(sums)] * 3)):
+            for kind, (total, partner, worth, chosen_length) in zip(self._kinds, zip(*[iter(sums)] * 4)):
                 value = either if kind is None else dr.select(kind(a, end), either, 0)
                 weight = value / chance
                 total = total + weight
                 kept = (weight > 0) & (uniform(self._lib, bits) * total < weight)
-                state += [total, dr.select(kept, candidate, partner), dr.select(kept, value, worth)]
+                state += [total, dr.select(kept, candidate, partner), dr.select(kept, value, worth),
+                          dr.select(kept, length, chosen_length)]
             return tuple(state)
 
         count = dr.width(a.ray)
         start = [part for _ in self._kinds for part in (dr.zeros(mi.Float, count), dr.zeros(mi.UInt32, count),
-                                                        dr.zeros(mi.Float, count))]
+                                                        dr.zeros(mi.Float, count), dr.zeros(mi.Float, count))]
         _, *sums = looped((mi.UInt32(0), *start), lambda k, *_: k < self._count, add_candidate, "partners")
-        chosen = [(partner, dr.select(total > 0, worth * mi.Float(self._count) / total, 0))
-                  for total, partner, worth in zip(*[iter(sums)] * 3)]
+        sine = -dr.dot(a.hits.normal, a.hits.arrival_direction)
+        sent = scattered(a.solid_angle * dr.gather(mi.Float, seen, a.ray), mi.Float(1), sine)
+        chosen = []
+        for total, partner, worth, length in zip(*[iter(sums)] * 4):
+            chance = dr.select(total > 0, worth * mi.Float(self._count) / total, 0)
+            energy = sent * worth * total
+            place = held(dr.log2(length) * A_DOUBLING, 0, LENGTHS - 1)
+            chosen.append((partner, chance, dr.select(dr.isfinite(energy), energy, 0),
+                           row * LENGTHS + mi.UInt32(place)))
+        dr.eval(chosen)
+        bits, _ = other_pair(within, salted(key, Salt.FAINT_PAIR))
+        chosen = [self._thinned(*pairs, uniform(self._lib, bits)) for pairs in chosen]
         dr.eval(chosen)
         return chosen
 
+    def _thinned(self, partner: mi.UInt32, chance: mi.Float, energy: mi.Float, group: mi.UInt32,
+                 number: mi.Float) -> tuple[mi.UInt32, mi.Float]:
+        """Return partners and their q, 0 for those of little likely energy that random numbers leave out."""
+        energies, groups = energy.numpy(), group.numpy()
+        # on the host, where the order of additions is the same for any number of threads
+        total, count = (np.bincount(groups, weights, minlength=LENGTHS) for weights in (energies, energies > 0))
+        enough = dr.gather(mi.Float, upload(mi.Float, total / np.maximum(count, 1)), group)
+        share = dr.clip(energy / dr.maximum(enough, 1e-38), LEAST_SHARE, 1)
+        return partner, dr.select(number < share, chance * share, 0)
+
     def _value(self, a, b, seen, strata, folded):
-        """Return f, except for factors that all pairs of an end of a share."""
+        """Return f, except for factors that all pairs of an end of a share, and the length of the path [m]."""
         way = mi.Vector3f(b.point - (image_of(a.point) if folded else a.point))
         distance = dr.norm(way)
         towards = way / dr.maximum(distance, NEAREST)
@@ -132,7 +159,7 @@ class ChosenPartners:
         power = scattered(b.solid_angle * mi.Float(strata.per_row) * seen * strength_a, strength_b, sine_b)
         length = distance + mi.Float((a.leg.travel_time + a.between + b.leg.travel_time) * b.hits.sound_speed)
         energy = passed_on(power, spreading_area=dr.square(distance), patch=b.patch / CANDIDATES) * length ** LATE
-        return dr.select(active & dr.isfinite(energy), dr.sqrt(energy), 0)
+        return dr.select(active & dr.isfinite(energy), dr.sqrt(energy), 0), length
 
     def _strength(self, end, towards, distance, folded):
         """Return about the strength of ends along straight lines, and whether bent rays may lead there."""

@@ -25,7 +25,9 @@ A further bounce changes the solid angle of a ray to
 
     ΔΩ_n = ΔΩ_(n-1) σ / (sin θ p)           p the density from which the direction of bounce n - 1 was drawn
 
-so that a bounce carries on, on average, the surface's albedo (`scene.materials.next_direction`).
+so that a bounce carries on, on average, the surface's albedo (`scene.materials.next_direction`). Directions are drawn
+from the law or near the plane of the beam, with the density p of both. Only a share of the rays, `GOING_ON`, goes on
+from a rough surface; p is multiplied by it.
 """
 from __future__ import annotations
 
@@ -53,6 +55,8 @@ from .chosen_partners import ChosenPartners
 from .connected_ends import ConnectedEnds
 from .ghosts import Ghosts
 from .path_ends import Ends, Origins, computed, image_of
+
+GOING_ON = 0.5                     # share of the rays that go on from a rough surface, drawn evenly
 
 
 class TracedEnds:
@@ -97,12 +101,12 @@ class TracedEnds:
 
         Rays that meet nothing more are left out.
         """
-        key = picked(key, ends.ray)
-        first, second = pair(strata.split(ends.ray)[1], key)
-        third, _ = other_pair(second, key)
-        first, second, third = (uniform(self._lib, bits) for bits in (first, second, third))
+        key, within = picked(key, ends.ray), strata.split(ends.ray)[1]
+        first, second = pair(within, key)
+        first, second, third, fourth = (uniform(self._lib, bits) for bits in (first, second, *other_pair(second, key)))
         last = ends.hits
-        direction, share, mirrored = next_direction(last, last.valid, self._frequency, first, mi.Point2f(second, third))
+        direction, share, mirrored = next_direction(last, last.valid, self._frequency, ends.leg.launch_direction, first,
+                                                    mi.Point2f(second, third), fourth)
         if self._mirror:
             at_surface, towards = last.label == self._surface, last.arrival_direction
             image = towards - 2 * dr.dot(last.normal, towards) * last.normal
@@ -110,6 +114,10 @@ class TracedEnds:
         active = last.valid & (share > 0)
         if smooth_only:
             active &= mirrored
+        else:
+            number = uniform(self._lib, pair(within, salted(key, Salt.GOES_ON))[0])
+            active &= mirrored | (number < GOING_ON)
+            share = dr.select(mirrored, share, share * float(1 / GOING_ON))
         dr.eval(direction, share, mirrored, active)
         index, ends = ends.only(active)
         last = ends.hits

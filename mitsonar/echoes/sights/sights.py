@@ -50,6 +50,7 @@ from .sight import Sight
 FLATTEST = 0.01                    # sine of the grazing angle below which nothing bounces
 LIFT = 0.05                        # [m] the bed is searched from this height above the plane, plus LIFTED times σ
 LIFTED = 4.0
+FAINTEST = 20.0                    # exponent of V above which nothing is reflected: 2e-9 of the pressure
 LYING = 0.02                       # [m] up to this height a point target lies on the bed: its strength includes the bed
 
 
@@ -62,14 +63,14 @@ class BedMirror:
         self._lib, self.planes = arrays_of(mi.Float), BedPlanes(connector.geometry)
 
     def see(self, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32, point: dr.ArrayBase, normal: mi.Vector3f,
-            label: mi.UInt32, *, short: float = 0.0, smooth: bool = False) -> Sight:
+            label: mi.UInt32, active: mi.Bool | bool = True, *, short: float = 0.0, smooth: bool = False) -> Sight:
         """Return the sights of points, one per entry; `label` (R,) selects the plane."""
         lib, water, plane = self._lib, self._connector.water, self.planes.of(label)
         upward, up = self._upward(plane)
         over, sonar_over = (_over(plane, up, place) for place in (point, origin))
         wide = lib.Array3f64
         image = point - 2 * over * upward
-        known = plane.known & (over > (0.0 if smooth else LYING)) & (sonar_over > 0)
+        known = plane.known & active & (over > (0.0 if smooth else LYING)) & (sonar_over > 0)
         way = self._connector.connect(sources, origin, source, image, mi.Vector3f(0, 0, 0), known, occlusion=False)
         down = way.arrival_direction
         flat = mi.Vector3f(upward)
@@ -80,16 +81,33 @@ class BedMirror:
         direction = dr.normalize(down + 2 * sine * flat)
         speed = water.layers().at(-point.z)[0]
         known, hits = self._bounce(met, flat, plane, down, speed, known)
-        first = self._connector.connect(sources, origin, source, hits.point, hits.normal, known)
-        second = self._connector.join(hits.point, hits.normal, point, normal, known, short=short)
+        # obstacles lie beside the bed itself, not beside the plane
+        first = self._connector.connect(sources, origin, source, met, hits.normal, known, end=hits.point)
+        second = self._connector.join(met, hits.normal, point, normal, known, short=short, begin=hits.point)
         free = known & first.free & second.free
-        later = self._time(sources, origin, source, met, point, flat, way, last, known) - way.travel_time
+        later = self._time(first, second, flat, way, last) - way.travel_time
         real, imaginary = self._reflection_factor(hits, sine, plane, way, mi.Float(last), free, smooth)
         ratio = speed_ratio(speed, sources.state.gather(lib, source)[1])
         gain = leg_gain(spreading_area=way.spreading_area, speed_ratio=ratio,
                         loss_db=water.loss_db(origin, image, way))
         return Sight(way=replace(way, free=free, arrival_direction=direction, sound_speed=speed),
                      leg=EchoLeg.along(way, origin, image), gain=gain, factor=(real, imaginary), later=later)
+
+    def may_reflect(self, origin: np.ndarray, point: np.ndarray, label: np.ndarray) -> np.ndarray:
+        """Return True for points (F, 3) [m] of targets (F,) that the bed may reflect sound to from `origin` (3,) [m].
+
+        By Snell's law and the mean value theorem, the cosine of a ray's angle from the horizontal is at most the
+        straight line's times the ratio of the fastest and the slowest water.
+        """
+        (_, b, c, rest, known), water = self.planes.table[label].T, self._connector.water
+        way = self.planes.image(point, label) - origin
+        way /= np.maximum(np.linalg.norm(way, axis=1), 1e-9)[:, None]
+        angle = np.arcsin(np.clip((b * way[:, 0] + c * way[:, 1] - way[:, 2]) / np.sqrt(1 + b * b + c * c), -1, 1))
+        level = np.arcsin(np.clip(np.abs(way[:, 2]), 0, 1))
+        bent = level - np.arccos(np.minimum(np.cos(level) * water.fastest / water.slowest, 1))
+        sine = np.sin(np.maximum(angle - bent, 0))
+        wavenumber = 2 * np.pi * self._frequency / water.fastest
+        return (known > 0) & (2 * np.square(wavenumber * rest * sine) < FAINTEST)
 
     def _upward(self, plane: Planes) -> tuple[dr.ArrayBase, mi.Float64]:
         """Return the normals of planes, Array3f64 (R,), and their upward parts."""
@@ -112,12 +130,9 @@ class BedMirror:
                                        arrival_direction=down, sound_speed=speed, shape=si.shape,
                                        primitive=si.prim_index, uv=si.uv)
 
-    def _time(self, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32, met: dr.ArrayBase, point: dr.ArrayBase,
-              flat: mi.Vector3f, way: Connection, last: mi.Float64, active: mi.Bool) -> mi.Float64:
+    def _time(self, first: Connection, second: Connection, flat: mi.Vector3f, way: Connection,
+              last: mi.Float64) -> mi.Float64:
         """Return τ [s]."""
-        nothing = mi.Vector3f(0, 0, 0)
-        first = self._connector.connect(sources, origin, source, met, nothing, active, occlusion=False)
-        second = self._connector.join(met, nothing, point, nothing, active, occlusion=False)
         gradient = first.arrival_direction - second.launch_direction
         down = way.arrival_direction
         across = dr.normalize(dr.cross(down, flat) + mi.Vector3f(1e-9, 0, 0))
@@ -159,13 +174,14 @@ class Sights:
         self.bed = bed if bed is not None and bed.planes else None
 
     def see(self, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32, point: dr.ArrayBase,
-            normal: mi.Vector3f, *, folded: bool = False, short: float = 0.0) -> Sight:
+            normal: mi.Vector3f, active: mi.Bool | bool = True, *, folded: bool = False,
+            short: float = 0.0) -> Sight:
         """Return the sights of points, one per entry, straight or (`folded`) by way of the mirror."""
         if folded:
             start = origin + dr.zeros(type(origin), dr.width(point))
-            way = self.connector.join(start, mi.Vector3f(0, 0, 0), point, normal, folded=True, short=short)
+            way = self.connector.join(start, mi.Vector3f(0, 0, 0), point, normal, active, folded=True, short=short)
         else:
-            way = self.connector.connect(sources, origin, source, point, normal, short=short)
+            way = self.connector.connect(sources, origin, source, point, normal, active, short=short)
         return self.along(sources, origin, source, point, way, folded=folded)
 
     def along(self, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32, point: dr.ArrayBase, way: Connection,

@@ -113,12 +113,6 @@ class SmoothTargets:
             return
         place = _TargetPlaces(self.lib, np.asarray(origins, float), source)
         yield from self._single(sources, place, choose)
-        for there, back, sign in self.sights.ways():
-            if there <= back:                        # the reverse paths share a computation
-                yield from self._single(sources, place, choose, "s" * there, "s" * back, sign)
-        for there, back in self.sights.bed_ways():
-            if there <= back:
-                yield from self._single(sources, place, choose, there, back, -1.0 if "s" in there + back else 1.0)
         if self.bounces > 1 and not self.facets.convex:
             yield from self._several(sources, place, choose, False)
             if self.sights.mirror and self.bounces > 2:
@@ -142,22 +136,27 @@ class SmoothTargets:
         return edge, (distance - facets.radius < self.farthest) & (facets.area > 0) & ~hidden
 
     def _blocks(self, places, tubes, choose, views):
-        """Yield cells to be lit as a whole as (place, facet, s, n, m), for integration over m² parts.
+        """Yield cells to be lit as a whole as (place, facet, s, n, m, by), for integration over m² parts.
 
-        Cells that `tubes` start from are smaller, and of one part. `views` are the ways by which the cells are seen:
-        straight (""), the mirror ("s") or the bed ("b").
+        Cells that `tubes` start from are smaller, and of one part. `views` are ways by which cells may be seen:
+        straight (""), the mirror ("s") or the bed ("b"); bit i of `by` is 1 where a cell may be seen by way i.
         """
         facets, runs = self.facets, []
         for number, origin in enumerate(places.origins):
-            edge, seen = np.full(len(facets), np.inf), np.ones(len(facets), bool)
-            for by in views:
-                there, visible = self.edges(self._image(origin, by))
-                edge, seen = np.minimum(edge, there), seen & visible
+            edge, seen_by = np.full(len(facets), np.inf), np.zeros(len(facets), np.int64)
+            for bit, by in enumerate(views):
+                reflected = np.True_
                 if by == "b" and self.sights.bed is not None:
-                    seen &= self.sights.bed.planes.table[facets.label, 4] > 0
+                    reflected = self.sights.bed.may_reflect(origin, facets.centre, facets.label)
+                    if not reflected.any():
+                        continue
+                there, visible = self.edges(self._image(origin, by))
+                visible &= reflected
                 if choose is not None:
-                    seen &= choose(number, self._image(facets.centre, by), facets.radius)
-            seen = np.flatnonzero(seen)
+                    visible &= choose(number, self._image(facets.centre, by), facets.radius)
+                edge = np.where(visible, np.minimum(edge, there), edge)
+                seen_by |= visible.astype(np.int64) << bit
+            seen = np.flatnonzero(seen_by)
             if tubes:
                 bent = facets.bent[seen]
                 for own, (share, most) in ((seen[~bent], FLAT_CELLS), (seen[bent], BENT_CELLS)):
@@ -180,7 +179,7 @@ class SmoothTargets:
                               f"least once a ping: about {LIT * cells:.2g} s of one core. To save time, make large "
                               "surfaces rough, or use a shorter range, less bandwidth or a lower frequency",
                               stacklevel=2)
-            runs.append(np.stack([np.full(len(seen), number), seen, n, parts], 1))
+            runs.append(np.stack([np.full(len(seen), number), seen, n, parts, seen_by[seen]], 1))
             if number + 1 == len(places.origins) or sum(map(len, runs)) > RUNS_PER_BLOCK:
                 yield from _listed(np.concatenate(runs))
                 runs = []
@@ -191,46 +190,74 @@ class SmoothTargets:
             return self.sights.bed.planes.image(point, self.facets.label)
         return point * np.array([1, 1, -1 if by == "s" else 1])
 
-    def _seen(self, sources, places, number, cells, by):
+    def _seen(self, sources, places, number, cells, by, active):
         """Return the sights of cells, straight, by way of the mirror or of the bed."""
         origin, source = places.at(number)
         if by == "b" and self.sights.bed is not None:
             return self.sights.bed.see(sources, origin, source, cells.point, cells.normal,
-                                       self.facets.facts(cells.facet)[2], smooth=True)
-        return self.sights.see(sources, origin, source, cells.point, cells.normal, folded=by == "s")
+                                       self.facets.facts(cells.facet)[2], active, smooth=True)
+        return self.sights.see(sources, origin, source, cells.point, cells.normal, active, folded=by == "s")
 
-    def _single(self, sources, places, choose, there="", back="", sign=1.0):
-        """Yield the echoes of single facets, seen straight, by way of the mirror or of the bed."""
-        for number, facet, s, n, parts in self._blocks(places, False, choose, {there, back}):
-            cells = self.facets.cells(facet, s, n)
-            sights = [self._seen(sources, places, number, cells, by) for by in sorted({there, back})]
-            ways = [sight.way for sight in sights]
-            active = mi.Bool(True)
-            for way in ways:
-                active &= way.free & dr.isfinite(way.spreading_area)
-            active &= ways[0].travel_time + ways[-1].travel_time < 2 * self.longest
-            wavenumber = self.turn_rate / mi.Float(ways[0].sound_speed)
-            waves = [(way.arrival_direction, dr.sqrt(way.spreading_area)) for way in ways]
-            mean = mean_sent_back(self.facets, cells, parts, waves, wavenumber, active)
-            gain = sights[0].gain if len(sights) == 1 else pressure_along_legs(1.0, sights[0].gain, sights[1].gain)
-            pressure = gain * wavenumber * cells.area * float(sign * 0.5 / np.pi)
-            # off the specular direction, the mean of the coefficients at both angles, so that it is reciprocal
-            factors = [self._coefficient(facet, cells.point, direction, way.sound_speed, active)
-                       for way, (direction, _) in zip(ways, waves)]
-            factor = tuple(sum(column) * (1 / len(factors)) for column in zip(*factors))
-            amplitude, later = _turned(factor, mean, pressure), dr.zeros(mi.Float64, dr.width(s))
-            if "b" in there + back:
-                factors, later = product(sights[0], sights[-1])
-                amplitude = complex_product(amplitude, factors)
-            for out, home in [(0, -1)] if len(sights) == 1 else [(0, 1), (1, 0)]:
-                # by way of the bed on both legs, a copy, so that the time between counts
-                leg = None if there == back != "b" else replace(sights[home].leg)
-                yield from _sent(number, self.facets.facts(facet)[2], sights[out].leg, leg, later, amplitude,
-                                 path_of(there, back), active)
+    def _ways(self):
+        """Yield the ways out and back that single facets are seen by, and the sign; the reverse ways share theirs."""
+        yield "", "", 1.0
+        for there, back, sign in self.sights.ways():
+            if there <= back:
+                yield "s" * there, "s" * back, sign
+        for out, home in self.sights.bed_ways():
+            if out <= home:
+                yield out, home, -1.0 if "s" in out + home else 1.0
+
+    def _single(self, sources, places, choose):
+        """Yield the echoes of single facets, seen straight, by way of the mirror and of the bed."""
+        ways = list(self._ways())
+        views = sorted({by for there, back, _ in ways for by in (there, back)})
+        for number, facet, s, n, parts, by in self._blocks(places, False, choose, views):
+            cells, sights = self.facets.cells(facet, s, n), {}
+            some = int(np.bitwise_or.reduce(by.numpy()))
+            for bit, view in enumerate(views):
+                if some == 1 << bit:
+                    sights[view] = self._seen(sources, places, number, cells, view, mi.Bool(True))
+                elif some >> bit & 1:
+                    visible = (by & dr.opaque(mi.UInt32, 1 << bit)) != 0
+                    sight = self._seen(sources, places, number, cells, view, visible)
+                    sights[view] = replace(sight, way=replace(sight.way, free=sight.way.free & visible))
+            if len(sights) > 1:
+                dr.eval(sights)                                  # each for more ways than one
+            for there, back, sign in ways:
+                if there in sights and back in sights:
+                    yield from self._on_facets(number, cells, parts, sights, there, back, sign)
+
+    def _on_facets(self, number, cells, parts, sights, there, back, sign):
+        """Yield the echoes of cells that are seen by one way out and by one back."""
+        facet, legs = cells.facet, [sights[by] for by in sorted({there, back})]
+        ways = [sight.way for sight in legs]
+        active = mi.Bool(True)
+        for way in ways:
+            active &= way.free & dr.isfinite(way.spreading_area)
+        active &= ways[0].travel_time + ways[-1].travel_time < 2 * self.longest
+        wavenumber = self.turn_rate / mi.Float(ways[0].sound_speed)
+        waves = [(way.arrival_direction, dr.sqrt(way.spreading_area)) for way in ways]
+        mean = mean_sent_back(self.facets, cells, parts, waves, wavenumber, active)
+        gain = legs[0].gain if len(legs) == 1 else pressure_along_legs(1.0, legs[0].gain, legs[1].gain)
+        pressure = gain * wavenumber * cells.area * float(sign * 0.5 / np.pi)
+        # off the specular direction, the mean of the coefficients at both angles, so that it is reciprocal
+        factors = [self._coefficient(facet, cells.point, direction, way.sound_speed, active)
+                   for way, (direction, _) in zip(ways, waves)]
+        factor = tuple(sum(column) * (1 / len(factors)) for column in zip(*factors))
+        amplitude, later = _turned(factor, mean, pressure), dr.zeros(mi.Float64, dr.width(facet))
+        if "b" in there + back:
+            factors, later = product(legs[0], legs[-1])
+            amplitude = complex_product(amplitude, factors)
+        for out, home in [(0, -1)] if len(legs) == 1 else [(0, 1), (1, 0)]:
+            # by way of the bed on both legs, a copy, so that the time between counts
+            leg = None if there == back != "b" else replace(legs[home].leg)
+            yield from _sent(number, self.facets.facts(facet)[2], legs[out].leg, leg, later, amplitude,
+                             path_of(there, back), active)
 
     def _several(self, sources, places, choose, folded):
         """Yield the echoes of several facets, by tubes that start straight or by way of the mirror."""
-        for number, facet, s, n, _ in self._blocks(places, True, choose, {"s" * folded}):
+        for number, facet, s, n, *_ in self._blocks(places, True, choose, ["s" * folded]):
             cells = self.facets.cells(facet, s, n)
             origin, source = places.at(number)
             sight = self.sights.see(sources, origin, source, cells.point, cells.normal, folded=folded)
@@ -380,7 +407,7 @@ class _TargetPlaces:
 
 
 def _listed(runs):
-    """Yield cells (place, facet, s, n, m), UInt32, of runs (K, 4) without s; at most CELLS_PER_BLOCK at a time."""
+    """Yield cells (place, facet, s, n, m, by), UInt32, of runs (K, 5) without s; at most CELLS_PER_BLOCK at a time."""
     counts = runs[:, 2].astype(np.int64) ** 2
     ends = np.cumsum(counts)
     total = int(ends[-1]) if len(ends) else 0
@@ -389,4 +416,4 @@ def _listed(runs):
         run = np.searchsorted(ends, cell, side="right")
         s = cell - (ends[run] - counts[run])
         yield tuple(upload(mi.UInt32, column.astype(np.uint32))
-                    for column in (runs[run, 0], runs[run, 1], s, runs[run, 2], runs[run, 3]))
+                    for column in (runs[run, 0], runs[run, 1], s, *runs[run, 2:].T))

@@ -55,14 +55,18 @@ class Connector:
 
     def connect(self, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32, point: dr.ArrayBase,
                 normal: mi.Vector3f, active: mi.Bool | bool = True, *, occlusion: bool = True,
-                short: float = 0.0) -> Connection:
-        """Connect each point (R,) to a source (R,) at `origin`, and stop `short` [m] of the point."""
+                short: float = 0.0, end: dr.ArrayBase | None = None) -> Connection:
+        """Connect each point (R,) to a source (R,) at `origin`, and stop `short` [m] of the point.
+
+        Obstacles are searched for up to `end` (R,) [m], a place of the surface near the point.
+        """
         x, heading = _seen_from(origin, point)
         way, (cosine, _) = self._eigenray(self.water.layers(), sources.state, source, x, heading, -point.z, active)
         through = self._through_field(way, origin, heading, point)
         if not occlusion:
             return through
-        blocked = self._blocked(sources.ray_fans, origin, source, way, cosine, heading, point, normal, short)
+        blocked = self._blocked(sources.ray_fans, origin, source, way, cosine, heading, point if end is None else end,
+                                normal, short)
         return replace(through, free=way.exists & ~blocked)
 
     def connect_in_water(self, sources: Sources, origin: dr.ArrayBase, point: dr.ArrayBase) -> Connection:
@@ -109,8 +113,11 @@ class Connector:
 
     def join(self, start: dr.ArrayBase, start_normal: mi.Vector3f, end: dr.ArrayBase, end_normal: mi.Vector3f,
              active: mi.Bool | bool = True, *, folded: bool = False, occlusion: bool = True,
-             short: float = 0.0) -> Connection:
-        """Connect each start point (R,) to an end point (R,), anywhere in the water, without the water's field."""
+             short: float = 0.0, begin: dr.ArrayBase | None = None) -> Connection:
+        """Connect each start point (R,) to an end point (R,), anywhere in the water, without the water's field.
+
+        Obstacles are searched for from `begin` (R,) [m] on, a place of the surface near the start point.
+        """
         table = self.water.medium(folded).layers
         z0 = start.z if folded else -start.z
         x, heading = _seen_from(start, end)
@@ -126,9 +133,9 @@ class Connector:
             return way
         lift = LIFT + LIFT_PER_RANGE * mi.Float(x)
         aside = cast(mi.Float, dr.copysign(lift, dr.dot(start_normal, way.launch_direction)))
-        begin = mi.Point3f(start) + mi.Point3f(aside * start_normal)
+        raised = mi.Point3f(start if begin is None else begin) + mi.Point3f(aside * start_normal)
         finish, nearer = _end(way, end, end_normal, heading, short)
-        blocked = along_arcs(self.geometry.scene, table, self.lib, begin, heading, z0, sine, way.ray_parameter, finish,
+        blocked = along_arcs(self.geometry.scene, table, self.lib, raised, heading, z0, sine, way.ray_parameter, finish,
                              x + nearer, dr.opaque(self.lib.Float64, 8 * TOLERANCE), folded,
                              self.geometry.only_meshes, way.exists)
         return replace(way, free=way.exists & ~blocked)

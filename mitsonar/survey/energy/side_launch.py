@@ -56,7 +56,7 @@ from .sidescan_survey import SidescanSurvey
 
 GROUP = 4                          # pings that may have a scout in common
 TALL = 16                          # strata of φ in a tall tile
-BOUNCE_SHARE = 1 / 3               # rays for paths of several bounces, relative to those of a pass
+BOUNCE_SHARE = 1 / 5               # rays for paths of several bounces, relative to those of a pass
 WIDEST_CORE = 0.5                  # largest u at which the core ends
 MOST_TILT = 0.7                    # [rad] largest correction of β: below 1, angles stay in order
 LAYERS = 16                        # layers of water for the travel time to a level bed
