@@ -12,7 +12,7 @@ at an angle θ_1. With the straight line's angle α, tan α >= (z_0 - max z_b) /
 
     cos α max c / min c > 1 / √(1 + s²)                                           s the steepest slope of its cells
 
-and what lies nearer is not hidden, unless it lies in the bed: that is not for the horizon to tell.
+and what lies nearer is not hidden, unless it lies in the bed: `deep` tells that of points well under it.
 
 A bed whose vertices are the nodes of a grid is used as it is. Any other bed is sampled by vertical rays at the nodes of
 a grid; it needs a single height at every place. Nodes are fixed on the ground: shadows do not depend
@@ -184,6 +184,21 @@ class BedHorizon:
         sine = _walked(self.lib, heights, launch_rise, numbers, *counts, AZIMUTHS * places)
         return Horizon(sine=sine, first=first_place, places=places, step=step)
 
+    def deep(self, point: mi.Point3f, active: mi.Bool) -> mi.Bool:
+        """Return True for `active` points (R,) well under the bed, within the window of the last horizon."""
+        if self._window is None:
+            return mi.Bool(False)
+        (i0, j0, columns, rows), heights = self._window
+        pitch = dr.opaque(mi.UInt32, columns)
+        (x, i), (y, j) = (_cell(place, low + first * step, step, count) for place, low, first, step, count in (
+            (point.x, self._low[0], i0, self._step[0], columns), (point.y, self._low[1], j0, self._step[1], rows)))
+        inside = active & (x >= 0) & (x <= 1) & (y >= 0) & (y <= 1)
+        lower, upper = ([dr.gather(mi.Float, heights, (j + step) * pitch + i + right, inside) for right in (0, 1)]
+                        for step in (0, 1))
+        inside &= dr.minimum(dr.minimum(*lower), dr.minimum(*upper)) > NO_BED * 0.5
+        low, high = (near + (far - near) * x for near, far in (lower, upper))
+        return inside & (point.z < low + (high - low) * y - UNDER)
+
     def _span(self, origin: np.ndarray) -> tuple[tuple[int, int], tuple[int, int]]:
         """Return the first node and the number of nodes, along x and y, of the window about a place."""
         move = WINDOW * self.farthest
@@ -222,6 +237,13 @@ class BedHorizon:
             dr.eval(heights)
             self._window = key, heights
         return self._window[1]
+
+
+def _cell(place: mi.Float, low: float, step: float, count: int) -> tuple[mi.Float, mi.UInt32]:
+    """Return where in a cell of nodes a step apart places lie, from 0 to 1, and the number of the cell."""
+    there = (place - dr.opaque(mi.Float, float(low))) * dr.opaque(mi.Float, 1 / float(step))
+    number = mi.UInt32(held(there, 0.0, dr.opaque(mi.Float, count - 1.5)))
+    return there - mi.Float(number), number
 
 
 def _of_blocks(reduction: np.ufunc, cells: np.ndarray) -> np.ndarray:

@@ -195,12 +195,14 @@ class Ground:
             hidden |= on_bed & (dr.dot(scatterers.normal, arrival) * scatterers.normal.z > 0)
             state = dr.select(active & hidden, HIDDEN_BY_BED, state)
         if self._buried is not None:
-            # the horizon decides only for points deep below the bed
+            # the horizon decides only for points deep below the bed, and from where it begins
             in_doubt = active & (state == FREE) & dr.gather(mi.Bool, self._buried, scatterers.label)
             aside = dr.copysign(dr.opaque(mi.Float, ASIDE), -dr.dot(scatterers.normal, arrival))
             outward = cast(mi.Float, aside) * scatterers.normal
             place = mi.Point3f(mi.Vector3f(scatterers.point) + outward)
-            state = dr.select(in_doubt & covered(self._facets.geometry, place, in_doubt), HIDDEN_BY_BED, state)
+            under = self._horizon.deep(place, in_doubt)
+            under |= covered(self._facets.geometry, place, in_doubt & ~under)
+            state = dr.select(in_doubt & under, HIDDEN_BY_BED, state)
             if dr.backend_v(mi.Float) != dr.JitBackend.LLVM:
                 dr.eval(state)     # OptiX leaves out what a kernel traces in a second scene, here that of the objects
         if self._objects.exist:
