@@ -80,7 +80,7 @@ def test_points_well_under_the_bed_are_told():
     bed = BedHorizon(geometry := Geometry(scenes.array_sonar({"seabed": rippled()})), REACH)
     bed.around(ORIGIN, straight, 1.0)
     random = np.random.default_rng(7)
-    point = random.uniform([-49, -49, -20.6], [49, 49, -19.6], (20000, 3))
+    point = random.uniform([-38, -38, -20.6], [38, 38, -19.6], (20000, 3))
     point[:50, 0] = 51.0
     there = mi.Point3f(*(upload(mi.Float, column.astype(np.float32)) for column in point.T))
     down = geometry.scene.ray_intersect(mi.Ray3f(mi.Point3f(there.x, there.y, 0), mi.Vector3f(0, 0, -1)))
