@@ -30,7 +30,7 @@ BELOW_RING = (30.0, 18.0)  # dB under the strongest echo at that time: score 0, 
 GENTLE, STEEP = 1.0, 6.0   # slopes of log range over angle, tan of the incidence: at no cost, at a small cost
 STEEP_COST, JUMP_COST = 0.3, 2.0
 ENOUGH = 1 << 17           # blocks whose quietest tenth tells the noise within 1 %
-CACHED = 8                 # beams whose products stay in a core's cache
+CACHED = 4                 # beams whose products stay in a core's cache
 SURE = 6.0                 # echo less the noise, in standard deviations of the noise
 LEAST_SCORE = 0.1
 
@@ -61,18 +61,27 @@ def reduced(halves: tuple[np.ndarray, np.ndarray], time: np.ndarray, pulse_lengt
     blocks = len(time) // size
     a, b = (in_rows(half)[:, :blocks * size].view(np.float32) for half in halves)
     power, common = (np.empty((len(a), blocks), np.float32) for _ in range(2))
+    product, other = (np.empty((CACHED, a.shape[1]), np.float32) for _ in range(2))
     for first in range(0, len(a), CACHED):
-        rows = slice(first, first + CACHED)
-        for product, sums in ((a[rows] ** 2 + b[rows] ** 2, power), (a[rows] * b[rows], common)):
-            pairs = product.view(np.complex64).reshape(len(product), blocks, size)
-            total = pairs[..., 0].copy()
-            for number in range(1, size):
-                total += pairs[..., number]
-            np.add(total.real, total.imag, out=sums[rows])
+        port, starboard = a[first:first + CACHED], b[first:first + CACHED]
+        rows = len(port)
+        np.multiply(port, port, out=product[:rows])
+        product[:rows] += np.multiply(starboard, starboard, out=other[:rows])
+        _add_blocks(product[:rows], size, power[first:first + rows])
+        _add_blocks(np.multiply(port, starboard, out=product[:rows]), size, common[first:first + rows])
     power /= 2 * size
     common /= size
     return BottomEchoes(power=power, common=common, start=float(time[0]) - step / 2, step=size * step,
                         echoes=_independent(size, step / pulse_length))
+
+
+def _add_blocks(product: np.ndarray, size: int, sums: np.ndarray) -> None:
+    """Write the sums (b, N) over blocks of real and imaginary parts (b, 2 N size) by turns."""
+    pairs = product.view(np.complex64).reshape(*sums.shape, size)
+    total = pairs[..., 0] + pairs[..., 1] if size > 1 else pairs[..., 0]
+    for number in range(2, size):
+        total += pairs[..., number]
+    np.add(total.real, total.imag, out=sums)
 
 
 def in_rows(half: np.ndarray) -> np.ndarray:
