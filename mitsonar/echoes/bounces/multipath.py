@@ -105,8 +105,9 @@ class TracedEnds:
         first, second = pair(within, key)
         first, second, third, fourth = (uniform(self._lib, bits) for bits in (first, second, *other_pair(second, key)))
         last = ends.hits
-        direction, share, mirrored = next_direction(last, last.valid, self._frequency, ends.leg.launch_direction, first,
-                                                    mi.Point2f(second, third), fourth)
+        direction, share, mirrored = next_direction(
+            last, last.valid, self._frequency, mi.Vector3f(ends.leg.launch_direction), first,
+            mi.Point2f(second, third), fourth)
         if self._mirror:
             at_surface, towards = last.label == self._surface, last.arrival_direction
             image = towards - 2 * dr.dot(last.normal, towards) * last.normal

@@ -231,7 +231,7 @@ def _finite(halves: tuple[np.ndarray, np.ndarray], time: np.ndarray, pulse_lengt
 def _intensity(halves: tuple[np.ndarray, np.ndarray], windows: Windows) -> np.ndarray:
     """Return the whole beam's intensity (W,) in windows."""
     whole = windows.taken(halves[0]) + windows.taken(halves[1])
-    return 0.25 * (np.square(whole.real, dtype=float) + np.square(whole.imag, dtype=float))
+    return 0.25 * (np.square(np.real(whole), dtype=float) + np.square(np.imag(whole), dtype=float))
 
 
 def _checked(halves: tuple[np.ndarray, np.ndarray], time: np.ndarray, sines: np.ndarray,

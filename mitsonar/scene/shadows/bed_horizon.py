@@ -180,8 +180,8 @@ class BedHorizon:
         places -= first_place
         base = (self._low[:2] + np.array(first) * self._step - origin[:2]) / self._step
         numbers = [dr.opaque(mi.Float, float(v)) for v in (step, *(1 / self._step), -base[0], -base[1], origin[2])]
-        counts = [dr.opaque(mi.UInt32, n) for n in (*size, first_place, places)]
-        sine = _walked(self.lib, heights, launch_rise, numbers, *counts, AZIMUTHS * places)
+        columns, rows, begin, count = (dr.opaque(mi.UInt32, n) for n in (*size, first_place, places))
+        sine = _walked(self.lib, heights, launch_rise, numbers, columns, rows, begin, count, AZIMUTHS * places)
         return Horizon(sine=sine, first=first_place, places=places, step=step)
 
     def deep(self, point: mi.Point3f, active: mi.Bool) -> mi.Bool:

@@ -216,7 +216,8 @@ class _RowNoise:
     def of(self, row: UInt32) -> tuple[Float, Float, Float]:
         """Return a row's random phase, and its size; 0 off the grid, where numbers before the first row are large."""
         size = dr.gather(self._lib.Float, self._row, row, row < self._rows)
-        return *random_phases(self._lib, self._number * self._rows + row, self._key), size
+        real, imag = random_phases(self._lib, self._number * self._rows + row, self._key)
+        return real, imag, size
 
     def summed(self, around: Sequence[Float]) -> Any:
         """Return the noise of a row from what `of` gives for the row before, itself and the next."""

@@ -192,7 +192,7 @@ class SideLaunch:
         phi, phi_width, cell = draw(self._across, mi.UInt32(0), xi_phi)
         xi_u = stratified(lib, i_u, uniform(lib, b), strata.second)
         rays = self._rays(place, row, phi, phi_width, cell, xi_u, strata, None, self._along)
-        return rays, within, key
+        return rays, mi.UInt32(within), key
 
     def aimed(self, place: Place, ping: mi.UInt32, direction: mi.Vector3f, solid_angle: mi.Float,
               grid: tuple[int, int]) -> SideRays:
