@@ -26,7 +26,7 @@ from ..scatterers.scatterers import Cells
 from ..sights.sights import Sights
 from ..sonar_equation import absorbed, along_legs
 from .multipath import Bounces
-from .volume import WaterEchoes, lattice
+from .volume import WaterEchoes, line_lattice
 
 FAINTEST = 1e-12                   # relative to the strongest of its kind: weaker echoes are dropped
 
@@ -105,7 +105,7 @@ class ArrayGhosts:
         if self.water is None:
             return
         row_key = dr.opaque(mi.UInt32, salted(key, Salt.ARRAY_WATER))
-        place = lattice(dr.arange(mi.UInt32, dr.width(direction)), row_key)
+        place = line_lattice(dr.arange(mi.UInt32, dr.width(direction)), row_key)
         connected = self.water.draw_connected(sources, origin, direction, solid_angle, place)
         if connected is None:
             return

@@ -8,7 +8,8 @@ line from the sonar, for which dV is exact; the eigenray gives the sound's way t
     r_n = r_0 + dr frac(n/φ + x),      φ the golden ratio, n the number of a direction, x a random number of the row
 
 Any run of directions has distances that are nearly even: the number of points in a time gate is nearly constant, and so
-is that in a cell of range and angle if the numbers follow the angle. The points differ from ping to ping.
+is that in a cell of range and angle if the numbers follow the angle. `plane_lattice` is even in a second angle as well.
+The points differ from ping to ping.
 """
 from __future__ import annotations
 
@@ -27,6 +28,7 @@ from mitsonar.scene.tracing.tracer import Sources
 from ..sonar_equation import along_legs, leg_gain, speed_ratio
 
 GOLDEN = round((np.sqrt(5) - 1) / 2 * 2 ** 32)         # 1/φ of 2^32: products of 32 bits wrap
+BESIDE = round(0.5564184853613068 * 2 ** 32)           # b, found by search: in runs of n, points lie 0.6 / √n apart
 NO_NUMBER = (1 << 32) - 1          # that no direction has
 NEAREST = 0.25                     # [m] nearer points are not in the far field, and echo while the pulse is still sent
 NEARER, FARTHER = 0.97, 1.03       # margins of the window's straight ranges, because rays bend
@@ -107,9 +109,23 @@ class WaterEchoes:
                            active=in_water & way.free & (energy > 0) & dr.isfinite(energy))
 
 
-def lattice(number: mi.UInt32, key: mi.UInt32) -> mi.Float:
+def line_lattice(number: mi.UInt32, key: mi.UInt32) -> mi.Float:
     """Return frac(n/φ + x) of the module for numbers n (R,); a row has one key, from which x is drawn."""
+    return _shifted(number, GOLDEN, _shifts(number, key)[0])
+
+
+def plane_lattice(number: mi.UInt32, key: mi.UInt32) -> tuple[mi.Float, mi.Float]:
+    """Return frac(n b + y) and `line_lattice` for numbers n (R,): together, any run of them is even in the square."""
+    place, beside = _shifts(number, key)
+    return _shifted(number, BESIDE, beside), _shifted(number, GOLDEN, place)
+
+
+def _shifts(number: mi.UInt32, key: mi.UInt32) -> tuple[mi.Float, mi.Float]:
     lib = arrays_of(number)
-    shift, _ = pair(lib.UInt32(NO_NUMBER), key)
-    place = uniform(lib, number * GOLDEN) + uniform(lib, shift)
+    first, second = pair(lib.UInt32(NO_NUMBER), key)
+    return uniform(lib, first), uniform(lib, second)
+
+
+def _shifted(number: mi.UInt32, step: int, shift: mi.Float) -> mi.Float:
+    place = uniform(arrays_of(number), number * step) + shift
     return place - dr.floor(place)

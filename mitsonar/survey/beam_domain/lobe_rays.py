@@ -9,7 +9,7 @@ dΩ = du dφ, and directions are drawn with
 F -> far-field sum (`patterns`), u_0 -> sine to which the line is steered, B -> two-way intensity of the elements within
 limits, s -> sine along the receiving line: its cells have equally many points wherever B is large. The solid angle of a
 direction is the reciprocal of its density, so levels are unbiased for every choice of density. Directions are numbered
-strip by strip of φ: their distances are even within a cell (`bounces.volume.lattice`).
+by φ: within a cell, their sines and distances are even (`bounces.volume.plane_lattice`).
 """
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mitsonar.device.arrays import arrays_of, opaque_vector, upload
+from mitsonar.device.arrays import arrays_of, held, opaque_vector, upload
 from mitsonar.device.chance import pair, stratified, uniform
-from mitsonar.scene.tracing.launch import CELLS, draw, quantiles
+from mitsonar.echoes.bounces.volume import plane_lattice
+from mitsonar.scene.tracing.launch import draw, quantiles
 
 WIDE_SHARE = 0.1                   # w
 FAINTEST, FULL = 1e-3, 0.04        # shares of the maximum of B, between which the weight of a direction grows
 LEAST_TURN = 0.1                   # |ds/dφ|, least that the density follows
-ALONG = 64                         # strata of u
 AROUND = 720                       # cells of φ in the table of B
 FINER = 8                          # cells of u in a main lobe
 MOST = 1 << 21                     # largest number of directions of a ping
@@ -49,9 +49,9 @@ class LobeRays:
                                      for part in parts])
         self._edges = np.linspace(-1, 1, int(np.ceil(2 / cell)) + 1)
 
-    def draw(self, rotation: np.ndarray, sine: float, key: int) -> tuple[mi.Vector3f, mi.Float]:
-        """Draw the directions of a ping, for a line steered to a sine."""
-        # rotation (3, 3) -> unit vectors (R,), solid angles (R,) [sr]
+    def draw(self, rotation: np.ndarray, sine: float, key: int) -> tuple[mi.Vector3f, mi.Float, mi.Float]:
+        """Draw the directions of a ping, for a line steered to a sine; see `directions`."""
+        # rotation (3, 3)
         axis, ahead = rotation @ self.axis, rotation @ self._ahead
         aside = np.cross(axis, ahead)
         turns = np.linspace(-np.pi, np.pi, AROUND + 1)
@@ -68,16 +68,28 @@ class LobeRays:
         lobe /= max(float(np.sum(lobe * np.diff(self._edges))), 1e-30)
         first = quantiles(self._edges, ((1 - WIDE_SHARE) * lobe + WIDE_SHARE / 2)[None])[0]
         wanted = min(self._per_sine * float(np.sum(wanted)) * 2 * np.pi / AROUND / (1 - WIDE_SHARE), MOST)
-        lib, rows = arrays_of(mi.Float), max(4, round(wanted / ALONG))
-        index = dr.arange(mi.UInt32, ALONG * rows)
-        i, j = index % ALONG, index // ALONG
-        x, y = pair(index, dr.opaque(mi.UInt32, key))
-        tables = (upload(mi.Float, table.astype(np.float32)) for table in (first, second))
-        (along, width, _), (angle, span, _) = (
-            draw(table, mi.UInt32(0), stratified(lib, stratum, uniform(lib, share), dr.opaque(mi.UInt32, count)), CELLS)
-            for table, stratum, share, count in zip(tables, (i, j), (x, y), (ALONG, rows)))
-        level = dr.sqrt(dr.maximum(1 - along * along, 0))
-        sine_of, cosine_of = dr.sincos(angle)
-        b, n, e = (opaque_vector(mi.Vector3f, vector) for vector in (axis, ahead, aside))
-        direction = along * b + level * (cosine_of * n + sine_of * e)
-        return direction, width * span / dr.opaque(mi.Float, ALONG * rows)
+        return directions((axis, ahead, aside), first, second[None], round(wanted), key, around_slow=True)
+
+
+def directions(frame: tuple[np.ndarray, np.ndarray, np.ndarray], along: np.ndarray, around: np.ndarray, number: int,
+               key: int, *, around_slow: bool) -> tuple[mi.Vector3f, mi.Float, mi.Float]:
+    """Draw directions about an axis from quantile tables of u, and of φ in equal strips of u.
+
+    Their numbers follow φ if it is `around_slow`, u otherwise; the other and the places are even in any run of numbers.
+    """
+    # frame: axis, φ = 0 and φ = π/2, unit vectors (3,); along (CELLS + 1,) [-]; around (S, CELLS + 1) [rad]
+    # -> unit vectors (R,), solid angles (R,) [sr], places (R,) in the window of distances
+    lib, index = arrays_of(mi.Float), dr.arange(mi.UInt32, number)
+    count, row_key = dr.opaque(mi.UInt32, number), dr.opaque(mi.UInt32, key)
+    slow = stratified(lib, index, uniform(lib, pair(index, row_key)[0]), count)
+    fast, place = plane_lattice(index, row_key)
+    first_table, second_table = (upload(mi.Float, table.astype(np.float32).ravel()) for table in (along, around))
+    u, width, _ = draw(first_table, mi.UInt32(0), fast if around_slow else slow)
+    strip = mi.UInt32(held((u + 1) * dr.opaque(mi.Float, 0.5 * len(around)), 0.0,
+                           dr.opaque(mi.Float, len(around) - 0.5)))
+    angle, span, _ = draw(second_table, strip, slow if around_slow else fast)
+    level = dr.sqrt(dr.maximum(1 - u * u, 0))
+    sine_of, cosine_of = dr.sincos(angle)
+    b, n, e = (opaque_vector(mi.Vector3f, vector) for vector in frame)
+    direction = u * b + level * (cosine_of * n + sine_of * e)
+    return direction, width * span / mi.Float(count), place

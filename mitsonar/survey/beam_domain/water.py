@@ -13,7 +13,7 @@ import numpy as np
 from mitsonar.device.arrays import compressed, opaque_vector, picked
 from mitsonar.device.chance import Salt, gaussian, hashed_pair, salted
 from mitsonar.device.types import ArrayTypes
-from mitsonar.echoes.bounces.volume import WaterEchoes, lattice
+from mitsonar.echoes.bounces.volume import WaterEchoes
 from mitsonar.echoes.sights.eigenray_table import EigenrayTable
 from mitsonar.echoes.sonar_equation import along_legs
 from mitsonar.scene.shadows.occlusion import along_fan
@@ -32,12 +32,11 @@ class WaterPoints:
         self._table: EigenrayTable | None = None
 
     def around(self, origin: np.ndarray, direction: mi.Vector3f, solid_angle: mi.Float,
-               key: int) -> PlacedEchoes | None:
+               place: mi.Float, key: int) -> PlacedEchoes | None:
         """Return the points along rays (R,) from a place (3,) [m], one for each; None if none lies in the water."""
-        # origin (3,) [m]; direction (R,); solid_angle (R,) [sr]
+        # origin (3,) [m]; direction (R,); solid_angle (R,) [sr]; place (R,) in [0, 1) of the window of distances
         start, row_key = (opaque_vector(self._lib.Array3f64, origin),
                           dr.opaque(mi.UInt32, salted(key, Salt.ARRAY_WATER)))
-        place = lattice(dr.arange(mi.UInt32, dr.width(direction)), row_key)
         # with the directions, which it has most of its sums in common with
         dr.schedule(solid_angle)
         index, distance = self._points.spread(start, direction, place, self._ground.under_bed(origin))

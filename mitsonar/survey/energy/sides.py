@@ -23,7 +23,7 @@ from mitsonar.device.chance import Salt, seeded
 from mitsonar.device.types import Vector
 from mitsonar.echoes.bounces.ghosts import Ghosts
 from mitsonar.echoes.bounces.multipath import Bounces
-from mitsonar.echoes.bounces.volume import WaterEchoes, lattice
+from mitsonar.echoes.bounces.volume import WaterEchoes, line_lattice
 from mitsonar.echoes.sums.energy_sums import EchoSums
 from mitsonar.echoes.sums.origin_sums import PLACE, WORDS
 from mitsonar.imaging.sidescan import mean_intensity
@@ -106,7 +106,7 @@ class SideWater:
         rays, number, key = self._launch.across_beam(place, (max(4, phi // (4 * FEWER_POINTS) * 4), u), self._seed)
         origin = place.origin(rays.ping)
         drawn = self._echoes.draw(place.sources, origin, place.source(rays.ping), rays.direction, rays.solid_angle,
-                                  lattice(number, key))
+                                  line_lattice(number, key))
         sent = place.body(rays.ping, drawn.way.launch_direction)
         received = place.receive(rays.ping, drawn.way.launch_direction, drawn.point - origin,
                                  2 * drawn.way.travel_time)
