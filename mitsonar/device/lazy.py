@@ -52,7 +52,8 @@ class _UsedAlone:
 
     SciPy imports all names of NumPy, of which two are packages of build tools and tests: they are imported when used.
     And it parses the text of hundreds of its functions, to add a note to each. pandas, which xarray imports, takes
-    PyArrow where it is installed, 35 MB, for tables that no command has.
+    PyArrow where it is installed, 35 MB, for tables that no command has. xarray imports Dask to learn who locks a file:
+    nobody, where Dask is not in use.
     """
 
     @classmethod
@@ -60,7 +61,8 @@ class _UsedAlone:
         pandas = getattr(sys.modules.get("pandas"), "__spec__", None)
         if name == "pyarrow" and getattr(pandas, "_initializing", False):       # not where a command asks for it
             raise ModuleNotFoundError("pandas does without PyArrow in a command", name=name)
-        if name not in ("numpy.f2py", "numpy.testing", "scipy._lib._array_api", "matplotlib.artist", "xarray"):
+        if name not in ("numpy.f2py", "numpy.testing", "scipy._lib._array_api", "matplotlib.artist", "xarray",
+                        "xarray.backends.locks"):
             return None
         spec = PathFinder.find_spec(name, path, target)
         if spec is None or spec.loader is None:
@@ -73,14 +75,17 @@ class _UsedAlone:
             spec.loader.exec_module = lambda module: vars(module).update(_execute=execute)
         else:
 
-            def without_texts(module: Any) -> None:
+            def without(module: Any) -> None:
                 execute(module)
                 if hasattr(module, "xp_capabilities"):
                     module.xp_capabilities = lambda **_: lambda function: function
                 if hasattr(module, "kwdoc"):
                     module.kwdoc = lambda _: ""
+                if hasattr(module, "get_dask_scheduler"):
+                    scheduler = module.get_dask_scheduler
+                    module.get_dask_scheduler = lambda *a, **k: scheduler(*a, **k) if "dask" in sys.modules else None
 
-            spec.loader.exec_module = without_texts
+            spec.loader.exec_module = without
         return spec
 
 

@@ -26,6 +26,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mitsonar.sonar.arrays.array_factor import array_factor
+
 __all__ = ["RowAngles", "ReceiverRows", "sector_of"]
 
 PER_PERIOD = 8                     # sines tried in the shortest period of (1)
@@ -93,7 +95,7 @@ class ReceiverRows:
                              "that rise.")
         low, high = self.sector
         gap = np.linspace(0, high - low, self._tried(high - low))
-        alike = np.abs(np.exp(2j * np.pi * np.multiply.outer(gap, place)).mean(1))
+        alike = np.abs(array_factor(place, np.full(len(place), 1 / len(place)), first=0, step=gap[1], count=len(gap)))
         # beyond the main lobe
         lobe = int(np.argmax(np.diff(alike) > 0)) if (np.diff(alike) > 0).any() else len(gap)
         if (alike[lobe:] > ALIKE).any():

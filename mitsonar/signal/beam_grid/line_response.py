@@ -18,6 +18,8 @@ import numpy as np
 from scipy import fft
 from scipy.interpolate import CubicSpline
 
+from mitsonar.sonar.arrays.array_factor import array_factor
+
 from ..impulses import Bell
 
 FINER = 12                         # places of the table over those that resolve the line: a spline errs by 1e-5
@@ -115,7 +117,8 @@ class LineResponse:
         farthest = np.abs(wavenumber).max() * rows.step * np.abs(number).max()
         spacing = 1 / (2 * FINER * max(float(np.abs(self._position).max()), 1e-9))
         middle = int(np.ceil(farthest / spacing)) + 4
-        a, b, c, d = _splines(_sums(self._position, weight, spacing, middle))
+        a, b, c, d = _splines(array_factor(-self._position, weight, first=-middle * spacing, step=spacing,
+                                           count=2 * middle + 1))
         values = np.empty((len(wavenumber), rows.period), np.complex64)
         for part in np.array_split(np.arange(len(wavenumber)), -(-values.size // BLOCK)):
             place = np.multiply.outer(wavenumber[part] * (rows.step / spacing), number) + middle
@@ -123,20 +126,6 @@ class LineResponse:
             t = (place - cell).astype(np.float32)
             values[part] = ((a[cell] * t + b[cell]) * t + c[cell]) * t + d[cell]
         return values * np.exp(2j * np.pi * self._turn * number).astype(np.complex64) if self.middle else values
-
-
-def _sums(position: np.ndarray, weight: np.ndarray, spacing: float, middle: int) -> np.ndarray:
-    """Return Σ_n w_n e^{-2πi x_n u} at u = (i - middle) spacing, i from 0 to 2 middle.
-
-    With i = j L + l, the exponential is a factor of j times one of l.
-    """
-    count = 2 * middle + 1
-    length = int(np.ceil(np.sqrt(count)))
-    turn = -2j * np.pi * spacing * position
-    long = np.exp(np.multiply.outer(length * np.arange(-(-count // length)) - middle, turn)) * weight
-    short = np.exp(np.multiply.outer(np.arange(length), turn))
-    # not a product of BLAS, whose threads wait for each other
-    return np.einsum("jn,ln->jl", long, short).ravel()[:count]
 
 
 def _splines(values: np.ndarray) -> np.ndarray:

@@ -12,11 +12,12 @@ from __future__ import annotations
 import numpy as np
 from scipy import sparse
 
+from mitsonar.sonar.arrays.array_factor import array_factor
+
 PARTS = 4                          # directions in a beam over which the pattern is averaged
 FAINTEST = 3e-5                    # share of the maximum of M below which M is left out
 FINER = 16                         # oversampling of the table of the pattern
 WIDEST = 48                        # largest number of beams to either side
-BLOCK = 1 << 21                    # numbers computed at once
 HALF_POWER = 0.5
 REACH = 3                          # bins to either side that the compressed pulse reaches
 LEAST = np.finfo(np.float32).tiny  # smaller numbers have no inverse in 32 bits
@@ -93,7 +94,8 @@ def _band(sines: np.ndarray, edges: np.ndarray, place: np.ndarray, weight: np.nd
     # the pattern depends on the gap of sines alone: one table serves all beams
     widest = edges[-1] - edges[0]
     gaps = np.linspace(0, widest, int(np.ceil(FINER * 2 * np.ptp(place) * widest)) + 2)
-    table = _pattern(gaps, place, np.asarray(weight, float) / np.abs(weight).sum())
+    table = np.abs(array_factor(place, np.asarray(weight, float) / np.abs(weight).sum(), first=0, step=gaps[1],
+                                count=len(gaps))) ** 2
     fine = edges[:-1, None] + np.diff(edges)[:, None] * share                                     # (B, parts)
     band = np.zeros((beams, 2 * half + 1))
     for k in range(-half, half + 1):
@@ -105,9 +107,3 @@ def _band(sines: np.ndarray, edges: np.ndarray, place: np.ndarray, weight: np.nd
     middle = beams // 2
     total = float(np.interp(np.abs(fine - sines[middle]), gaps, table).mean(1).sum())
     return band * (total / band[middle].sum())
-
-
-def _pattern(gap: np.ndarray, place: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """Return |Σ w e^(i2π x gap)|²."""
-    parts = np.array_split(gap, -(-gap.size * place.size // BLOCK))
-    return np.concatenate([np.abs(np.exp(2j * np.pi * part[:, None] * place) @ weight) ** 2 for part in parts])

@@ -66,8 +66,9 @@ class Ground:
         self._scatterers = beside._scatterers if beside is not None else ThinnedScatterers(
             facets, farthest=reach, places=survey.planned.track.position,
             everywhere=survey.passage.stepping is not None, margin=self.ensonification.margin)
-        self._horizon = BedHorizon(geometry, self.farthest)
-        self._objects = ObjectShadows(geometry, water, self.farthest)
+        as_far = beside if beside is not None and beside.farthest == self.farthest else None
+        self._horizon = as_far._horizon if as_far else BedHorizon(geometry, self.farthest)
+        self._objects = as_far._objects if as_far else ObjectShadows(geometry, water, self.farthest)
         self._kinds = upload(mi.UInt32, geometry.named.label_kinds())
         self._buried = beside._buried if beside is not None else self._partly_buried()
         self._table: EigenrayTable | None = None

@@ -23,6 +23,7 @@ from mitsonar.device.arrays import arrays_of, held, opaque_vector, upload
 from mitsonar.device.chance import pair, stratified, uniform
 from mitsonar.echoes.bounces.volume import plane_lattice
 from mitsonar.scene.tracing.launch import draw, quantiles
+from mitsonar.sonar.arrays.array_factor import array_factor
 
 WIDE_SHARE = 0.1                   # w
 FAINTEST, FULL = 1e-3, 0.04        # shares of the maximum of B, between which the weight of a direction grows
@@ -44,9 +45,8 @@ class LobeRays:
         self._pattern, self._line, self._per_sine = pattern, line, float(per_sine)
         cell = 1 / (FINER * max(float(np.ptp(place)), 1.0))
         self._gap = np.linspace(-2, 2, 2 * int(np.ceil(2 / cell)) + 1)
-        parts = np.array_split(self._gap, -(-len(self._gap) // 1024))
-        self._lobe = np.concatenate([np.abs(np.exp(2j * np.pi * np.multiply.outer(part, place)) @ weight) ** 2
-                                     for part in parts])
+        self._lobe = np.abs(array_factor(place, weight, first=-2, step=4 / (len(self._gap) - 1),
+                                         count=len(self._gap))) ** 2
         self._edges = np.linspace(-1, 1, int(np.ceil(2 / cell)) + 1)
 
     def draw(self, rotation: np.ndarray, sine: float, key: int) -> tuple[mi.Vector3f, mi.Float, mi.Float]:

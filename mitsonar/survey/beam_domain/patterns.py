@@ -20,6 +20,7 @@ import numpy as np
 
 from mitsonar.device.arrays import arrays_of, held, opaque_vector, upload
 from mitsonar.echoes.scatterers.element_beams import omni, pressure
+from mitsonar.sonar.arrays.array_factor import array_factor
 
 from ..pressure.array_survey import ArraySurvey
 from .line import LineArray
@@ -57,8 +58,7 @@ class LineSum:
         along = place @ axis
         # a direction minus the steering vector has sines up to 2
         count = int(np.ceil(4 * FINER * max(np.abs(along).max(), 1))) + 1
-        values = np.concatenate([np.exp(2j * np.pi * (sines[:, None] * along - late)) @ weight
-                                 for sines in np.array_split(np.linspace(-2, 2, count), -(-count // 4096))])
+        values = array_factor(along, weight * np.exp(-2j * np.pi * late), first=-2, step=4 / (count - 1), count=count)
         self._axis, self._nodes = axis, count
         self._table = upload(mi.Float, values.astype(np.complex64).view(np.float32))
         dr.eval(self._table)

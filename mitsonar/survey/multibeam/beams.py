@@ -8,6 +8,7 @@ import scipy
 
 from mitsonar.device.chance import sonar_seed
 from mitsonar.imaging.energy_record import EnergyRecord
+from mitsonar.sonar.arrays.array_factor import array_factor
 from mitsonar.sonar.arrays.channels import flawed
 from mitsonar.sonar.arrays.sectors import half_power_width
 from mitsonar.units import amplitude_from_db
@@ -120,9 +121,7 @@ def _side_lobes(place: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.n
     """
     step = 1 / (FINER * np.ptp(place))
     gap = np.arange(0.0, 2.0 + step, step)
-    level = np.concatenate([np.abs(np.exp(2j * np.pi * np.multiply.outer(part, place)) @ weight) ** 2
-                            for part in np.array_split(gap, -(-len(gap) // 1024))])
-    level = level / np.abs(weight).sum() ** 2
+    level = np.abs(array_factor(place, weight / np.abs(weight).sum(), first=0, step=step, count=len(gap))) ** 2
     main = np.flatnonzero(level < MAIN_LOBE)[0]
     joined = scipy.ndimage.maximum_filter1d(level, FINER + 1, mode="nearest")
     return gap, np.where(np.arange(len(gap)) < main, 0.0, np.minimum(joined, MAIN_LOBE))
