@@ -41,11 +41,11 @@ class HeightGrid(Record):
     heights: np.ndarray            # (rows, columns) float32 [m]
 
 
-def as_grid(vertices: np.ndarray, faces: np.ndarray) -> HeightGrid | None:
-    """Return the grid that a mesh of vertices (V, 3) [m] and faces (F, 3) is in the order of `triangulate`, or None."""
+def in_rows(vertices: np.ndarray) -> HeightGrid | None:
+    """Return the grid that vertices (V, 3) [m] are in the order of `triangulate`, whatever their faces, or None."""
     columns = int(np.argmax(vertices[:, 1] != vertices[0, 1]))
     rows = len(vertices) // max(columns, 1)
-    if min(columns, rows) < 2 or rows * columns != len(vertices) or len(faces) != 2 * (rows - 1) * (columns - 1):
+    if min(columns, rows) < 2 or rows * columns != len(vertices):
         return None
     nodes = vertices.reshape(rows, columns, 3)
     corner, far = nodes[0, 0, :2].astype(float), nodes[-1, -1, :2].astype(float)
@@ -56,12 +56,21 @@ def as_grid(vertices: np.ndarray, faces: np.ndarray) -> HeightGrid | None:
     if (np.abs(nodes[..., 0] - x).max() > OFF_NODE * spacing[0]
             or np.abs(nodes[..., 1] - y[:, None]).max() > OFF_NODE * spacing[1]):
         return None
+    return HeightGrid(corner=corner, spacing=spacing, heights=np.ascontiguousarray(nodes[..., 2]))
+
+
+def as_grid(vertices: np.ndarray, faces: np.ndarray) -> HeightGrid | None:
+    """Return the grid that a mesh of vertices (V, 3) [m] and faces (F, 3) is in the order of `triangulate`, or None."""
+    grid = in_rows(vertices)
+    if grid is None:
+        return None
+    rows, columns = grid.heights.shape
+    if len(faces) != 2 * (rows - 1) * (columns - 1):
+        return None
     here = np.arange(columns - 1, dtype=np.uint32)[:, None]
     cell = (here + np.array([0, 1, columns, 1, columns + 1, columns], np.uint32)).ravel()
     first = (np.arange(rows - 1, dtype=np.uint32) * np.uint32(columns))[:, None]
-    if not np.array_equal(faces.reshape(rows - 1, -1), first + cell):
-        return None
-    return HeightGrid(corner=corner, spacing=spacing, heights=np.ascontiguousarray(nodes[..., 2]))
+    return grid if np.array_equal(faces.reshape(rows - 1, -1), first + cell) else None
 
 
 def large_grid(shape: mi.Shape) -> HeightGrid | None:

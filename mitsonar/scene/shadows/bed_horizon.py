@@ -32,6 +32,7 @@ from mitsonar.device.arrays import arrays_of, held, upload
 from ..geometry import Geometry
 from ..labels import SEABED
 from ..protocols import strewn_shape
+from ..queries.height_field import in_rows
 from ..queries.several_scenes import scene_of
 
 AZIMUTHS = 2048
@@ -274,7 +275,10 @@ def _grid_step(own: float, farthest: float) -> float:
 
 def _as_grid(geometry: Geometry, mesh: tuple, own: float) -> np.ndarray | None:
     """Return the heights (rows of y, columns of x) of a mesh whose vertices are nodes of a grid, else None."""
-    vertices = geometry.mesh(*mesh[2:])[0].astype(float)
+    vertices = geometry.mesh(*mesh[2:])[0]
+    if (grid := in_rows(vertices)) is not None:
+        return grid.heights
+    vertices = vertices.astype(float)
     low, extent = vertices[:, :2].min(0), np.ptp(vertices[:, :2], axis=0)
     nodes = np.maximum(np.rint(extent / own).astype(int), 1)
     columns, rows = nodes + 1
