@@ -19,7 +19,8 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mitsonar.device.arrays import arrays_of, compressed, upload
+from mitsonar.device.arrays import arrays_of, compressed, entries, upload
+from mitsonar.device.chance import Salt, salted
 from mitsonar.device.progress import Share, nobody
 from mitsonar.scattering.bodies.echo_taps import ReceivedBand
 from mitsonar.scene.materials import scattering_strength
@@ -29,7 +30,9 @@ from mitsonar.scene.tracing.tracer import Sources, Tracer
 from mitsonar.scene.tracing.water import DeviceWater
 
 from .body_motion import BodyMotion
+from .bounces.fan_rays import FanRays
 from .bounces.surface_ghosts import ArrayGhosts
+from .bounces.volume import line_lattice
 from .point_targets import PointTargets
 from .record import Echoes, EchoLeg
 from .scatterers.element_beams import ElementBeams
@@ -40,6 +43,7 @@ from .smooth.targets import SmoothTargets
 from .sonar_equation import GRAZING, absorbed, along_legs, echo_energy, lit_patch, speed_ratio
 
 CELLS_PER_BLOCK = 1 << 20
+WATER_PER_BLOCK = 1 << 19          # points
 WORTH_ASKING = 0.2                 # share of cells in doubtful beams above which each cell is tested
 MOST_CELLS = 10 ** 9               # of a ping: minutes of connecting
 BOTTOM_AND_SURFACE = ("b", False), ("s", True)     # path, and whether the facet belongs to the sea surface
@@ -55,7 +59,8 @@ class Ensonification:
                  method: str, rays: int, beams: ElementBeams | None,
                  resolution: float = np.inf,              # [m]
                  spread: float = np.inf,                  # [s], of an echo's arrivals about that at the source
-                 max_depth: int = 1, thin_below: float = 0.0, band: ReceivedBand | None = None):
+                 max_depth: int = 1, thin_below: float = 0.0, band: ReceivedBand | None = None,
+                 fan: FanRays | None = None):             # directions of points of the water, for an array's beams
         self.scatterers, self.water, self.frequency, self.window = scatterers, water, frequency, window
         self.method, self.beams = method, beams or None
         self.side_lobes = SideLobes(below=thin_below) if thin_below and beams else None
@@ -73,6 +78,7 @@ class Ensonification:
                                     farthest=self.farthest)
         self.drawn_rays = DrawnRays(water.profile, window=window, rays=rays, pattern=self.pattern,
                                     surface=geometry.surface_label > 0 and not geometry.surface_mirrors)
+        self._fan = fan
         self.ghosts = ArrayGhosts(self.tracer, self.sights, frequency=frequency, window=window, max_depth=max_depth)
 
     def with_targets(self, targets: PointTargets) -> Ensonification:
@@ -181,8 +187,22 @@ class Ensonification:
         yield from self.bounced_echoes(origin, rotation, depth_below, key)
         if self.ghosts.water is not None:
             sources, start = self._source(origin)
-            direction, solid_angle, _ = self.drawn_rays.draw(start, rotation, None, key)
-            yield from self.ghosts.of_water(sources, start, direction, solid_angle, key)
+            rays, row_key = self.water_rays(origin, rotation, depth_below, key), salted(key, Salt.ARRAY_WATER)
+            dr.eval(rays)
+            for block in range(-(-dr.width(rays[1]) // WATER_PER_BLOCK)):
+                index = dr.arange(mi.UInt32, block * WATER_PER_BLOCK,
+                                  min((block + 1) * WATER_PER_BLOCK, dr.width(rays[1])))
+                yield from self.ghosts.of_water(sources, start, *entries(rays, index), salted(row_key, 0, block))
+
+    def water_rays(self, origin: np.ndarray, rotation: np.ndarray, depth_below: float,
+                   key: int) -> tuple[mi.Vector3f, mi.Float, mi.Float]:
+        """Return directions (R,), solid angles (R,) [sr] and places (R,) in the window of points of the water."""
+        row_key = salted(key, Salt.ARRAY_WATER)
+        if self._fan is not None:
+            return self._fan.draw(rotation, -float(origin[2]), depth_below, self.pattern, row_key)
+        direction, solid_angle, _ = self.drawn_rays.draw(self._source(origin)[1], rotation, None, key)
+        number = dr.arange(mi.UInt32, dr.width(direction))
+        return direction, solid_angle, line_lattice(number, dr.opaque(mi.UInt32, row_key))
 
     def bounced_echoes(self, origin: np.ndarray, rotation: np.ndarray, depth_below: float,
                        key: int) -> Iterator[Echoes]:

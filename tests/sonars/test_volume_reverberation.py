@@ -168,3 +168,17 @@ def test_the_water_in_the_beams_of_a_receiving_line_is_speckle(variant):
                                       * r[some] ** -2 * 10 ** (-0.2 * ALPHA * r[some]))
         assert abs(10 * np.log10(ratio.mean())) < 0.3
         assert 0.8 < ratio.var() / ratio.mean() ** 2 < 1.45
+
+
+def test_the_water_that_elements_hear_is_speckle_in_their_beams(variant):
+    """As above, in beams formed of element signals: p² R² 10^(2 α R/10) of a beam does not hang on the range."""
+    scene = forward_looking({"seabed": bed(300.0)}, depth=100.0, film={"range": 16.0}, integrator={"cell": 2.0},
+                            water={"volume_strength_db": -60.0},
+                            sensor={"beams": 64, "receive_elements": 64, "receive_flaws": 0.0, "noise": False,
+                                    "pings": 1, "picture": "elements", "recorder": "none"})
+    image = mitsonar.render(scene, seed=1).isel(ping=0)
+    r = image.range.values[image.range.values > 4]
+    even = 10 ** (0.1 * image.level.sel(range=r).values.reshape(-1, len(r)) + 0.2 * ALPHA * r) * r ** 2
+    even /= even.mean(1, keepdims=True)
+    assert abs(10 * np.log10(even[:, r < 8].mean() / even[:, r > 12].mean())) < 0.2
+    assert 0.8 < even.var() < 1.45

@@ -26,7 +26,7 @@ from ..scatterers.scatterers import Cells
 from ..sights.sights import Sights
 from ..sonar_equation import absorbed, along_legs
 from .multipath import Bounces
-from .volume import WaterEchoes, line_lattice
+from .volume import WaterEchoes
 
 FAINTEST = 1e-12                   # relative to the strongest of its kind: weaker echoes are dropped
 
@@ -100,12 +100,11 @@ class ArrayGhosts:
                                  amplitude=self._drawn(power, bits)).evaluated()
 
     def of_water(self, sources: Sources, origin: dr.ArrayBase, direction: mi.Vector3f, solid_angle: mi.Float,
-                 key: int) -> Iterator[Echoes]:
-        """Yield the echoes of points of the water, one along each direction."""
+                 place: mi.Float, key: int) -> Iterator[Echoes]:
+        """Yield the echoes of points of the water, one along each direction, at a `place` in [0, 1) of the window."""
         if self.water is None:
             return
-        row_key = dr.opaque(mi.UInt32, salted(key, Salt.ARRAY_WATER))
-        place = line_lattice(dr.arange(mi.UInt32, dr.width(direction)), row_key)
+        row_key = dr.opaque(mi.UInt32, key)
         connected = self.water.draw_connected(sources, origin, direction, solid_angle, place)
         if connected is None:
             return

@@ -15,22 +15,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mitsonar.device.arrays import arrays_of, held, opaque_vector, upload
-from mitsonar.device.chance import pair, stratified, uniform
-from mitsonar.echoes.bounces.volume import plane_lattice
-from mitsonar.scene.tracing.launch import draw, quantiles
+from mitsonar.echoes.bounces.fan_rays import AROUND, FAINTEST, MOST, directions
+from mitsonar.scene.tracing.launch import quantiles
 from mitsonar.sonar.arrays.array_factor import array_factor
 
 WIDE_SHARE = 0.1                   # w
-FAINTEST, FULL = 1e-3, 0.04        # shares of the maximum of B, between which the weight of a direction grows
+FULL = 0.04                        # share of the maximum of B, up to which the weight of a direction grows
 LEAST_TURN = 0.1                   # |ds/dφ|, least that the density follows
-AROUND = 720                       # cells of φ in the table of B
 FINER = 8                          # cells of u in a main lobe
-MOST = 1 << 21                     # largest number of directions of a ping
 
 
 class LobeRays:
@@ -68,28 +63,4 @@ class LobeRays:
         lobe /= max(float(np.sum(lobe * np.diff(self._edges))), 1e-30)
         first = quantiles(self._edges, ((1 - WIDE_SHARE) * lobe + WIDE_SHARE / 2)[None])[0]
         wanted = min(self._per_sine * float(np.sum(wanted)) * 2 * np.pi / AROUND / (1 - WIDE_SHARE), MOST)
-        return directions((axis, ahead, aside), first, second[None], round(wanted), key, around_slow=True)
-
-
-def directions(frame: tuple[np.ndarray, np.ndarray, np.ndarray], along: np.ndarray, around: np.ndarray, number: int,
-               key: int, *, around_slow: bool) -> tuple[mi.Vector3f, mi.Float, mi.Float]:
-    """Draw directions about an axis from quantile tables of u, and of φ in equal strips of u.
-
-    Their numbers follow φ if it is `around_slow`, u otherwise; the other and the places are even in any run of numbers.
-    """
-    # frame: axis, φ = 0 and φ = π/2, unit vectors (3,); along (CELLS + 1,) [-]; around (S, CELLS + 1) [rad]
-    # -> unit vectors (R,), solid angles (R,) [sr], places (R,) in the window of distances
-    lib, index = arrays_of(mi.Float), dr.arange(mi.UInt32, number)
-    count, row_key = dr.opaque(mi.UInt32, number), dr.opaque(mi.UInt32, key)
-    slow = stratified(lib, index, uniform(lib, pair(index, row_key)[0]), count)
-    fast, place = plane_lattice(index, row_key)
-    first_table, second_table = (upload(mi.Float, table.astype(np.float32).ravel()) for table in (along, around))
-    u, width, _ = draw(first_table, mi.UInt32(0), fast if around_slow else slow)
-    strip = mi.UInt32(held((u + 1) * dr.opaque(mi.Float, 0.5 * len(around)), 0.0,
-                           dr.opaque(mi.Float, len(around) - 0.5)))
-    angle, span, _ = draw(second_table, strip, slow if around_slow else fast)
-    level = dr.sqrt(dr.maximum(1 - u * u, 0))
-    sine_of, cosine_of = dr.sincos(angle)
-    b, n, e = (opaque_vector(mi.Vector3f, vector) for vector in frame)
-    direction = u * b + level * (cosine_of * n + sine_of * e)
-    return direction, width * span / mi.Float(count), place
+        return directions(np.stack([axis, ahead, aside]), first, second[None], round(wanted), key, around_slow=True)

@@ -10,7 +10,7 @@ sonar that only turns can keep them from ping to ping.
 """
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -19,9 +19,8 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mitsonar.device.arrays import arrays_of, compressed, held, opaque_vector, upload
+from mitsonar.device.arrays import arrays_of, compressed, held, upload
 from mitsonar.device.chance import Salt, ping_key, salted
-from mitsonar.echoes.bounces.volume import line_lattice
 from mitsonar.echoes.scatterers.element_beams import ElementBeams
 from mitsonar.echoes.scatterers.thinned_scatterers import Density, TransmitLobe, Useful
 from mitsonar.signal.doppler import Glide, ResidualDoppler, doppler_classes, residual_doppler
@@ -31,8 +30,8 @@ from mitsonar.sonar.faces.directivity import sinc
 from ..energy.face_beams import BEAM_EDGE
 from ..motion.reception import EndArrival, Reception
 from ..pressure.array_survey import ArraySurvey, Steering
+from ..pressure.ensonified_ping import WATER
 from ..pressure.signals import lattice
-from .fan_rays import FanRays
 from .ground import FREE, HIDDEN_BY_OBJECT, Ground
 from .line import LineArray
 from .lobe_rays import LobeRays
@@ -77,7 +76,6 @@ class TargetEchoes:
     label: np.ndarray  # (R,), numbers of the instances
 
 
-WATER = 0.18                       # points of the water per scatterer in a resolution cell of the ground
 NEGLIGIBLE = 1e-8                  # two-way intensity of the beams below which a patch is skipped
 WIDE = 0.1                         # sines in a lobe that lights the whole picture: what lies outside is no side lobe's
 DOPPLER_NODES = 33                 # of sines, between which the rows' factors are linear
@@ -277,47 +275,24 @@ class PingEchoes:
             yield PlacedEchoes.of(echoes)
         if self._water is None:
             return
-        water_key = salted(key, Salt.ARRAY_WATER)
-        if lobe is not None:
-            rays = self._lobe_rays.draw(reception.rotation, lobe.sine, water_key)
-        elif self.line.resolves:
-            rays = self._fan_rays.draw(reception.rotation, -float(origin[2]), below, water_key)
-        else:
-            direction, solid_angle, _ = ensonification.drawn_rays.draw(
-                opaque_vector(self.lib.Array3f64, origin), reception.rotation, None, key)
-            number = dr.arange(mi.UInt32, dr.width(direction))
-            rays = direction, solid_angle, line_lattice(number, dr.opaque(mi.UInt32, water_key))
+        rays = (ensonification.water_rays(origin, reception.rotation, below, key) if lobe is None else
+                self._lobe_rays.draw(reception.rotation, lobe.sine, salted(key, Salt.ARRAY_WATER)))
         placed = self._water.around(origin, *rays, key)
         if placed is not None:
             yield placed
 
     @cached_property
     def _lobe_rays(self) -> LobeRays:
-        """Return random directions of points of the water in the lobe of a transmitting line."""
+        """Return random directions of points of the water, about one in every resolution cell."""
         survey, transmit, axis = self.survey, self.survey.transmit, self.patterns.transmit_axis
         if axis is None:
             raise ValueError("the lobe of a transmitting line was asked for, and it is no line")
-        place = (transmit.position - self.patterns.transmit_centre) @ axis / survey.wavelength
-        return LobeRays(axis, transmit.faces()[0].normal, place=place, weight=transmit.weight,
-                        pattern=self._element_pattern, line=self.line.axis, per_sine=self._points_a_sine)
-
-    @cached_property
-    def _fan_rays(self) -> FanRays:
-        """Return random directions of points of the water in all beams of the receiving line."""
-        return FanRays(self.line.axis, self.line.normal, pattern=self._element_pattern,
-                       window=(self.ground.nearest, self.ground.farthest), number=2 * self._points_a_sine)
-
-    @property
-    def _points_a_sine(self) -> float:
-        """Return the number of points of the water per sine along the line: about one in every resolution cell."""
         density = self._density(0)
         cells = (self.ground.farthest - self.ground.nearest) / (density.range_cell * density.sine_cell)
-        return WATER * self.per_cell * cells
-
-    @property
-    def _element_pattern(self) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
-        """Return the two-way intensity of the elements within limits, towards directions (..., 3) at a rotation."""
-        return self.ground.ensonification.pattern or (lambda towards, rotation: np.ones(towards.shape[:-1]))
+        place = (transmit.position - self.patterns.transmit_centre) @ axis / survey.wavelength
+        pattern = self.ground.ensonification.pattern or (lambda towards, rotation: np.ones(towards.shape[:-1]))
+        return LobeRays(axis, transmit.faces()[0].normal, place=place, weight=transmit.weight, pattern=pattern,
+                        line=self.line.axis, per_sine=WATER * self.per_cell * cells)
 
     # ---- the grid
 

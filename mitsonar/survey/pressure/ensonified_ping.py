@@ -14,6 +14,7 @@ import numpy as np
 
 from mitsonar.device.chance import ping_key
 from mitsonar.device.progress import Share, nobody
+from mitsonar.echoes.bounces.fan_rays import FanRays
 from mitsonar.echoes.ensonification import Ensonification
 from mitsonar.echoes.record import Echoes
 from mitsonar.echoes.scatterers.element_beams import ElementBeams
@@ -25,6 +26,7 @@ from ..energy.phased_echoes import band_of
 from .array_survey import ArraySurvey
 from .ping_source import PingSource
 
+WATER = 0.18                       # points of the water per scatterer in a resolution cell of the ground
 BAND = 0.75                        # c / 2B of two thirds of the sampling rate
 KEPT_ECHOES = 1 << 22              # largest number that is kept for the next transmit element; more are computed again
 BY_CHANCE = -1                     # number of the source of random echoes
@@ -32,7 +34,7 @@ BY_CHANCE = -1                     # number of the source of random echoes
 
 def ensonification_of(survey: ArraySurvey, scatterers: Scatterers | None = None) -> Ensonification:
     """Return the ensonification of the scatterers, or of given ones, of a survey within one ping's surroundings."""
-    end, (geometry, water) = survey.time[-1], survey.surroundings
+    end, (geometry, water) = float(survey.time[-1]), survey.surroundings
     moved, turned = (rate * end for rate in survey.planned_rates)
     return Ensonification(
         scatterers or Scatterers(geometry, survey.cell_size, survey.pass_number, survey.world.seed), water,
@@ -41,7 +43,24 @@ def ensonification_of(survey: ArraySurvey, scatterers: Scatterers | None = None)
         method=survey.ensonification, rays=survey.rays,
         beams=ElementBeams(survey.transmit, survey.receive, survey.wavelength, turned), max_depth=survey.max_depth,
         thin_below=survey.thin_below, band=band_of(survey.pulse),
-        resolution=BAND * survey.planned_speed / survey.sampling_rate, spread=arrival_spread(survey, water.slowest))
+        resolution=BAND * survey.planned_speed / survey.sampling_rate, spread=arrival_spread(survey, water.slowest),
+        fan=_fan(survey) if water.scatters else None)
+
+
+def _fan(survey: ArraySurvey) -> FanRays | None:
+    """Return the directions of points of the water, about one in each of the array's cells of range and sine.
+
+    None for a single element.
+    """
+    receive, start, end = survey.receive, survey.start, float(survey.time[-1])
+    place = receive.position - receive.position.mean(0)
+    axis = np.linalg.svd(place, full_matrices=False)[2][0]
+    length = float(np.ptp(place @ axis)) / survey.wavelength
+    if not length:
+        return None
+    cells = (end - start) * survey.pulse.bandwidth * 2 * (length + 0.5)
+    return FanRays(axis, receive.normal.mean(0), number=max(WATER * survey.per_cell * cells, survey.rays),
+                   window=(0.5 * survey.planned_speed * start, 0.5 * survey.planned_speed * end))
 
 
 def arrival_spread(survey: ArraySurvey, slowest: float) -> float:
