@@ -174,7 +174,7 @@ def test_the_water_that_elements_hear_is_speckle_in_their_beams(variant):
     """As above, in beams formed of element signals: p² R² 10^(2 α R/10) of a beam does not hang on the range."""
     scene = forward_looking({"seabed": bed(300.0)}, depth=100.0, film={"range": 16.0}, integrator={"cell": 2.0},
                             water={"volume_strength_db": -60.0},
-                            sensor={"beams": 64, "receive_elements": 64, "receive_flaws": 0.0, "noise": False,
+                            sensor={"beams": 64, "receive_flaws": 0.0, "noise": False,
                                     "pings": 1, "picture": "elements", "recorder": "none"})
     image = mitsonar.render(scene, seed=1).isel(ping=0)
     r = image.range.values[image.range.values > 4]
