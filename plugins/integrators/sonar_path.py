@@ -40,8 +40,8 @@ MOST_RAYS = 50_000_000             # of a ping: they are one kernel, of a quarte
 
 ATTRIBUTES = (
     Integer("rays", default=100_000, minimum=1, maximum=MOST_RAYS,
-            text="rays per ping: of a sidescan, for both sides together; of an array, only for `ensonification` "
-                 "`rays`"),
+            text="rays per ping: of a sidescan, for both sides together; of an array, those of paths of several "
+                 "bounces, of `ensonification` `rays`, and at least as many points of the water"),
     Number("first_pass", default=0.15, minimum=0, maximum=0.9,
            text="share of a sidescan's rays that are traced first, to find where rays are needed, by one of up to "
                 "four pings over the same ground; 0: rays are drawn as for a flat bed"),

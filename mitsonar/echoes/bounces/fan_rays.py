@@ -30,19 +30,19 @@ AROUND = 720                       # cells of φ in the table of B
 FAINTEST, FULL = 1e-3, 0.25        # shares of the maximum of B, between which the weight of a direction grows
 LEAST_WATER = 0.05                 # W, least that the density follows
 LEAST_THROUGHOUT = 0.25            # share of directions in the water at all ranges that more of them make up for
-MOST = 1 << 21                     # largest number of directions of a ping
+MOST = 1 << 21                     # directions of a ping, unless more are asked for
 
 
 class FanRays:
     """Random directions for beams of a line."""
-    # axis, normal (3,); window: nearest and farthest range [m]; number of points of a ping at each range
+    # axis, normal (3,); window: nearest and farthest range [m]; number of points at each range, `least` of a ping
 
-    def __init__(self, axis: np.ndarray, normal: np.ndarray, *, window: tuple[float, float], number: float):
+    def __init__(self, axis: np.ndarray, normal: np.ndarray, *, window: tuple[float, float], number: float, least: int):
         ahead = normal - (normal @ axis) * axis
         if np.linalg.norm(ahead) < 1e-3:           # elements look along the array, or all around: any will do
             ahead = np.cross(axis, np.roll(np.eye(3)[np.abs(axis).argmax()], 1))
         self._frame = np.stack([axis, ahead := ahead / np.linalg.norm(ahead), np.cross(axis, ahead)])
-        self._window, self._number = window, number
+        self._window, self._number, self._least = window, number, least
 
     def draw(self, rotation: np.ndarray, above: float, below: float, pattern: Callable | None,
              key: int) -> tuple[mi.Vector3f, mi.Float, mi.Float]:
@@ -59,9 +59,9 @@ class FanRays:
         room = np.where(rise > 0, above, below) / np.maximum(np.abs(rise), 1e-6)
         density = beam * np.clip((room - near) / (far - near), LEAST_WATER, 1)
         throughout = np.sum(density, where=room >= far) / np.sum(density)
-        number = min(self._number / max(throughout, LEAST_THROUGHOUT), MOST)
-        return directions(frame, quantiles(u, np.sqrt(beam.max(1))[None])[0], quantiles(turns, density), round(number),
-                          key, around_slow=False)
+        number = max(self._least, round(min(self._number / max(throughout, LEAST_THROUGHOUT), MOST)))
+        return directions(frame, quantiles(u, np.sqrt(beam.max(1))[None])[0], quantiles(turns, density), number, key,
+                          around_slow=False)
 
 
 def directions(frame: np.ndarray, along: np.ndarray, around: np.ndarray, number: int, key: int, *,

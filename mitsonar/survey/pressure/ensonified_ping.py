@@ -59,7 +59,7 @@ def _fan(survey: ArraySurvey) -> FanRays | None:
     if not length:
         return None
     cells = (end - start) * survey.pulse.bandwidth * 2 * (length + 0.5)
-    return FanRays(axis, receive.normal.mean(0), number=max(WATER * survey.per_cell * cells, survey.rays),
+    return FanRays(axis, receive.normal.mean(0), number=WATER * survey.per_cell * cells, least=survey.rays,
                    window=(0.5 * survey.planned_speed * start, 0.5 * survey.planned_speed * end))
 
 
