@@ -16,17 +16,15 @@ from mitsonar.hydrography.reduction.attitude import PlatformMotion
 from mitsonar.hydrography.reduction.reduction import Installation, Located, Measured
 from mitsonar.propagation.numpy_rays.eigenrays import eigenray
 from mitsonar.propagation.returns.frozen_ray import FrozenLeg, frozen_ray
+from mitsonar.water.fields import SoundSpeedField
 from mitsonar.water.profile import SoundSpeedProfile
-from mitsonar.water.waters import WaterColumn
 
 NEAREST = 1e-6                     # [m] of horizontal range, for a heading
 
 
-def without_field(measured: Measured, places: Located, water: WaterColumn, motion: PlatformMotion,
-                  installation: Installation) -> Measured:
+def without_field(measured: Measured, places: Located, profile: SoundSpeedProfile, field: SoundSpeedField,
+                  motion: PlatformMotion, installation: Installation) -> Measured:
     """Return a measurement (B,) as it was without the field; `places` are its soundings, reduced in the profile."""
-    if water.field is None:
-        return measured
     some = np.flatnonzero(places.found & np.isfinite(measured.travel_time))
     part, time = measured[some], measured.travel_time.copy()
     angles = {}
@@ -36,11 +34,11 @@ def without_field(measured: Measured, places: Located, water: WaterColumn, motio
         start = pose.carried(np.asarray(arm))
         away = np.stack([places.x[some], places.y[some]], -1) - start[:, :2]
         across = np.maximum(np.hypot(*away.T), NEAREST)
-        ray = eigenray(water.profile, start[:, 2], places.depth[some], across)
+        ray = eigenray(profile, start[:, 2], places.depth[some], across)
         added = frozen_ray(FrozenLeg((start[:, 0], start[:, 1], start[:, 2]),
                                      (away[:, 0] / across, away[:, 1] / across), across, places.depth[some],
                                      ray.arc_length, ray.ray_parameter, np.sin(ray.launch_angle)),
-                           water.field, partial(_speed, water.profile))
+                           field, partial(_speed, profile))
         time[some] -= np.nan_to_num(added.later)
         turned = np.nan_to_num(np.sum(pose.turned(axis) * np.stack(added.slope, -1), -1))
         angles[name] = getattr(measured, name).copy()

@@ -193,7 +193,9 @@ class SoundingLine(Generic[MeasurementT]):
         above = -float(survey.track.position[ping, 2])
         closing = self._closing(truly, true)
         at_rest = instrument.measured(ping, made, true_speed, closing)
-        at_rest = without_field(at_rest, true.located(at_rest), column, self._true, self._installation)
+        if column.field is not None:
+            at_rest = without_field(at_rest, true.located(at_rest), water, column.field, self._true,
+                                    self._installation)
         final, causes = errors(measured, true, used, lambda x, y: bed_depth(geometry, x, y, above=above),
                                at_rest=at_rest,
                                refracted=instrument.measured(ping, made, head_speed, closing),
