@@ -34,13 +34,21 @@ def shares(intensity: np.ndarray, shown: Callable[[np.ndarray], np.ndarray],
 
     Intensities [µPa²]: of instances (..., L, bins), incoherent and coherent; of all coherent echoes (..., bins).
     """
-    total = shown(np.asarray(intensity, float))
+    there, part = _present(intensity, coherent_power), np.zeros(intensity.shape, np.float32)
+    total = shown(np.asarray(intensity[..., there, :], float))
     if coherent_power is not None and coherent_intensity is not None:
-        power, coherent = shown(np.asarray(coherent_power, float)), coherent_intensity[..., None, :]
+        power, coherent = shown(np.asarray(coherent_power[..., there, :], float)), coherent_intensity[..., None, :]
         # an echo near the edge of its bin extends into the next, where its power is not counted
         power = power + np.where(power.sum(-2, keepdims=True) < HALF * coherent, _beside(power), 0)
         total = total + _shared(power) * coherent
-    return _shared(total).astype(np.float32)
+    part[..., there, :] = _shared(total)
+    return part
+
+
+def _present(*powers: np.ndarray | None) -> np.ndarray:
+    """Return the numbers of the instances with any power (..., L, bins): a few pings see few of a scene's objects."""
+    seen = [power.any(axis=(*range(power.ndim - 2), -1)) for power in powers if power is not None]
+    return np.flatnonzero(np.any(seen, axis=0))
 
 
 def _shared(power: np.ndarray) -> np.ndarray:
@@ -64,12 +72,14 @@ def shadows(hidden_intensity: np.ndarray, seabed_intensity: np.ndarray, intensit
 
     Intensities [µPa²]: hidden by each instance (..., L, bins); of the seabed, all and coherent echoes (..., bins).
     """
-    by_object = shown(np.asarray(hidden_intensity, float))
+    there = _present(hidden_intensity)
+    by_object = shown(np.asarray(hidden_intensity[..., there, :], float))
     lost = by_object.sum(-2)
     total = lost + shown(np.asarray(seabed_intensity, float))
     hidden = np.where(total > 0, lost / np.where(total > 0, total, 1), 0).astype(np.float32)
     dark = (hidden > HALF) & (shown(np.asarray(intensity, float)) + coherent_intensity < HALF * total)
-    return hidden, np.where(dark, by_object.argmax(-2) + 1, 0).astype(np.uint32)
+    number = there[by_object.argmax(-2)] + 1 if there.size else np.zeros(hidden.shape)
+    return hidden, np.where(dark, number, 0).astype(np.uint32)
 
 
 def variables(known: BinTruth, label: np.ndarray, class_of: Mapping[int, int], dims: tuple[str, ...]) -> dict:

@@ -21,6 +21,10 @@ from .protocols import SoundMaterial, smooth_material, sound_material
 SCATTERING = (mi.BSDFFlags.DiffuseReflection, mi.BSDFFlags.GlossyReflection)
 IN_BEAM = 0.5                      # share of directions that are drawn near the plane of the beam
 NARROWEST = 0.02                   # [rad] angle from that plane below which they are drawn evenly
+# of a fitted lobe: sine and cosine of the grazing angle beside it, slope of the facet that its width is found at, and
+# the least share of the lobe that is left there
+LOW, LEVEL = 0.3, float(np.sqrt(1 - 0.3 ** 2))
+SLOPE, LEAST_LEFT = 0.25, 1e-6
 SCALES = float(np.log1p(0.5 * np.pi / NARROWEST))
 
 
@@ -164,6 +168,34 @@ def bistatic_strength(hits: Meeting, towards: mi.Vector3f, active: mi.Bool,
     strength = dr.dispatch(hits.shape.bsdf(), _strength, si, wo, dr.opaque(mi.Float, frequency),
                            mi.Float(hits.sound_speed), seen)
     return dr.select(seen, strength, 0), _sine(hits, si)
+
+
+def fitted_lobe(hits: Meeting, active: mi.Bool, frequency: float) -> tuple[mi.Float, mi.Float, mi.Float]:
+    """Return d, s and w (R,) of a fit to each hit's strength towards all directions, for where it need not be exact:
+
+        σ ~ d sin θ_s + s exp(-w t²),     t -> slope of the facet that would mirror the way in to the way out
+
+    It is exact where the way out runs across the plane of incidence at a sine of `LOW`, is mirrored, or is mirrored by
+    a slope of `SLOPE` across this plane.
+    """
+    si = _interaction(hits, active)
+    x, y = _azimuth(si.wi)
+    aside, mirrored = mi.Vector3f(-LEVEL * y, LEVEL * x, LOW), mi.Vector3f(-si.wi.x, -si.wi.y, si.wi.z)
+    tilted = 2 * si.wi.z / (1 + SLOPE ** 2) * mi.Vector3f(-SLOPE * y, SLOPE * x, 1) - si.wi
+
+    def law(material: mi.BSDF, si: mi.SurfaceInteraction3f, aside: mi.Vector3f, mirrored: mi.Vector3f,
+            tilted: mi.Vector3f, frequency: mi.Float, sound_speed: mi.Float,
+            active: mi.Bool) -> tuple[mi.Float, mi.Float, mi.Float]:
+        at, near, far = (_strength(material, si, wo, frequency, sound_speed, active)
+                         for wo in (aside, mirrored, tilted))
+        return at, near, far
+
+    at, near, far = dr.dispatch(hits.shape.bsdf(), law, si, aside, mirrored, tilted, dr.opaque(mi.Float, frequency),
+                                mi.Float(hits.sound_speed), active & (si.wi.z > 0))
+    diffuse = dr.maximum(at, 0) / aside.z
+    lobe = dr.maximum(near - diffuse * mirrored.z, 0)
+    left = dr.clip((far - diffuse * tilted.z) / dr.maximum(lobe, 1e-30), LEAST_LEFT, 1)
+    return diffuse, lobe, -dr.log(left) * float(SLOPE ** -2)
 
 
 def reflection(hits: Meeting, active: mi.Bool, frequency: float) -> tuple[mi.Float, mi.Float]:

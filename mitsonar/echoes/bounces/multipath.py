@@ -170,11 +170,13 @@ class Bounces:
             views[2] = self._ends.folded(views[1], origin)
             if self._single and surfaces:
                 yield from self._connected.by_the_mirror(views[1], views[2], sonar)
+        known = {made: self._partners.likely(view, seen, strata) for made, view in views.items()} if surfaces else {}
         for made, a in views.items():
             for bounces in range(made, most):
                 if surfaces:
+                    likely = known[made] if bounces == made else self._partners.likely(a, seen, strata)
                     use = MOST_WAYS * (made * most + bounces)
-                    for ghosts in self._between(a, views, most - bounces, seen, sonar, strata, key, use):
+                    for ghosts in self._between(a, likely, views, known, most - bounces, sonar, strata, key, use):
                         yield ghosts
                         if self._smooth and bounces > made:
                             yield ghosts.reversed(picked(origin, ghosts.ray))
@@ -193,17 +195,18 @@ class Bounces:
                     if smooth:
                         yield from self._connected.home(computed(a.only(mirrored)[1]), sonar, bounces + 2 <= most)
 
-    def _between(self, a: Ends, views: Mapping[int, Ends], left: int, seen: mi.Float, sonar: Origins, strata: Strata,
-                 key: mi.UInt32, use: int) -> Iterator[Ghosts]:
+    def _between(self, a: Ends, likely: mi.Float, views: Mapping[int, Ends], known: Mapping[int, mi.Float], left: int,
+                 sonar: Origins, strata: Strata, key: mi.UInt32, use: int) -> Iterator[Ghosts]:
         """Yield ghosts from ends to chosen ends of the views, with at most `left` further bounces.
 
-        Random numbers of these ghosts are numbered from `use` on.
+        `likely` and `known` are the tables of the ends and of the views (`chosen_partners`). Random numbers of these
+        ghosts are numbered from `use` on.
         """
         ways = product(views.items(), (False, True)[:1 + self._mirror])
         for number, ((more, b), folded) in enumerate(ways, use):
             if more + folded <= left:
                 pair_key = salted(key, Salt.PARTNER, dr.opaque(mi.UInt32, number * NUMBER_STEP))
-                chosen = self._partners.choose(a, b, seen, strata, picked(pair_key, a.ray), folded=folded)
+                chosen = self._partners.choose(a, likely, known[more], strata, picked(pair_key, a.ray), folded=folded)
                 for pairs in chosen:
                     index, some = a.only(pairs[1] > 0)
                     partner, chance = entries(pairs, index)

@@ -119,7 +119,7 @@ class SideWater:
 
 
 RAYS_PER_BLOCK = 1 << 23           # a second of work for two threads: rays leave nothing in memory
-WATER_PER_BLOCK, BOUNCES_PER_BLOCK = 1 << 21, 1 << 19      # rays of water echoes and of bounces do use memory
+KEPT_PER_BLOCK = 1 << 21           # where the water echoes or paths have several bounces: a part of the rays is kept
 SUMS_PER_BLOCK = 1 << 23           # integers: bounds a block's memory where shapes and bins are many
 TABLES_PER_BLOCK = 32              # tables of rays, a megabyte each: bounds memory where pings differ in depth
 MOST_SUMS = 1 << 32                # range of an index
@@ -157,8 +157,7 @@ class Sides:
         if sums >= MOST_SUMS:
             raise ValueError(f"{survey.bins} bins and {len(survey.world.labels)} shapes make {sums} sums a ping, "
                              f"over {MOST_SUMS}; take fewer bins or let shapes share an id")
-        rays = min(RAYS_PER_BLOCK, WATER_PER_BLOCK if survey.waters.scatter else RAYS_PER_BLOCK,
-                   RAYS_PER_BLOCK if survey.max_depth == 1 else BOUNCES_PER_BLOCK)
+        rays = RAYS_PER_BLOCK if survey.max_depth == 1 and not survey.waters.scatter else KEPT_PER_BLOCK
         by_rays = rays // (2 * sum(grid[0] * grid[1] for grid in (self._first_grid, self._second_grid) if grid))
         level = len(np.unique(survey.planned.track.position[:, 2])) == 1
         by_copies = THREADS_OWN // (2 * survey.bins * PLACE)
