@@ -25,7 +25,7 @@ SHARED = {"sidescan_targets": {"rays": 1_000_000, "pings": 5}, "forward_looking"
           "echo_sounder": {}, "interferometric": {}, "multibeam": {"preset": "shallow_400khz", "range": 45, "pings": 2},
           "sidescan_survey": {"range": 50, "rays": 2000, "pings": 40}}
 SLOW = "sidescan_targets", "multibeam"
-LONG = 'name="pings" value="$pings"', 'name="pings" value="500000"/> <float name="speed_knots" value="0"'
+LONG = 'name="pings" value="$pings"', 'name="pings" value="50000"/> <float name="speed_knots" value="0"'
 
 
 @pytest.fixture(scope="module")
