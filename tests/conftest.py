@@ -2,6 +2,7 @@
 import ctypes
 import gc
 import multiprocessing
+import os
 import re
 import signal
 import sys
@@ -9,6 +10,10 @@ import sys
 import pytest
 
 import mitsonar  # noqa: F401  (chooses libLLVM: must come before anything that imports Dr.Jit)
+
+# For the processes of pytest-xdist, which take the cores already, and for those that tests start. Threads of OpenBLAS
+# wait for each other by spinning: 200 SVDs of 200 x 200 on two busy cores take 14 s of CPU with two, 1.5 s with one.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 def pytest_addoption(parser):

@@ -1,4 +1,8 @@
-"""The benchmarks still run: each as a person starts it, at a size that takes a moment. Figures are not looked at."""
+"""The benchmarks still run: each as a person starts it, at a size that takes a moment. Figures are not looked at.
+
+One process runs them one after another, each as its main program: a start costs more than most of them.
+"""
+import json
 import os
 import subprocess
 import sys
@@ -67,11 +71,36 @@ LONG = {"frame", "frame_errors", "gradients", "inversions", "multipath", "poses"
         "soundings", "survey", "sweep", "turns"}                               # over 4 s
 
 
+IN_TURN = """
+import contextlib, io, json, os, runpy, sys, traceback
+for name, script, *options in json.loads(sys.argv[1]):
+    sys.argv, sys.path[0] = [script, *options], os.path.dirname(script)
+    code, out, err = 0, io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        try:
+            runpy.run_path(script, run_name="__main__")
+        except SystemExit as end:
+            code = end.code or 0
+        except BaseException:
+            code = traceback.format_exc()
+    print(json.dumps([name, code, out.getvalue(), err.getvalue()]), flush=True)
+"""
+
+
+@pytest.fixture(scope="module")
+def ends(request):
+    """Exit code, output and errors of each benchmark that is to run; none of those after one that ends the process."""
+    names = [item.callspec.params["name"] for item in request.session.items if item.path == request.path]
+    programs = [[name, str(HERE / RUNS[name][0][0]), *RUNS[name][0][1:]] for name in names]
+    child = subprocess.run([sys.executable, "-c", IN_TURN, json.dumps(programs)], capture_output=True, text=True,
+                           check=False, stdin=subprocess.DEVNULL, timeout=900, env={**os.environ, "PYTHONPATH": ""})
+    ended = {name: rest for name, *rest in map(json.loads, child.stdout.splitlines())}
+    return {name: ended.get(name, [f"no end: {child.stderr[-2000:]}", "", ""]) for name in names}
+
+
 @pytest.mark.parametrize("name", thinned(RUNS, *RUNS.keys() - LONG))
-def test_benchmark_runs_and_prints_its_table(name):
-    (script, *options), line = RUNS[name]
-    child = subprocess.run([sys.executable, HERE / script, *options], capture_output=True, text=True, check=False,
-                           stdin=subprocess.DEVNULL, timeout=300, env={**os.environ, "PYTHONPATH": ""})
-    assert child.returncode == 0, child.stderr
-    assert line in child.stdout
-    assert "nan" not in child.stdout or name == "real_sidescan"       # a small picture may lack shadows
+def test_benchmark_runs_and_prints_its_table(ends, name):
+    code, out, err = ends[name]
+    assert code == 0, err
+    assert RUNS[name][1] in out
+    assert "nan" not in out or name == "real_sidescan"                # a small picture may lack shadows

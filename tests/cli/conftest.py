@@ -1,5 +1,6 @@
 """The command line, run within the test in an empty folder."""
 import pytest
+from kept_processes import kept_processes
 from small_scene import TEXT
 
 
@@ -27,3 +28,31 @@ def refusal(folder, capfd):
         assert sorted(folder.rglob("*")) == before
         return err
     return run
+
+
+@pytest.fixture
+def kept():
+    """Pools of processes in the test's own process begin with those of the pool before."""
+    with kept_processes():
+        yield
+
+
+@pytest.fixture
+def interrupted(monkeypatch):
+    """Run a command that makes soundings so that it ends after two pings.
+
+    A ping is written before it is counted. So an exception between two pings leaves the same files as `kill -9`, but
+    for the hidden one of the output's last write.
+    """
+    from mitsonar.cli import main as cli, progress
+
+    def interrupt(self, done, total, failed=0):
+        if done == 2:
+            raise KeyboardInterrupt
+
+    def end(*words):
+        with monkeypatch.context() as context:
+            context.setattr(progress.Progress, "__call__", interrupt)
+            assert cli.main(list(words)) == 130
+
+    return end

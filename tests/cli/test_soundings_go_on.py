@@ -1,8 +1,4 @@
-"""The command soundings of a scene that is ended on its way goes on, and the file has the same bytes.
-
-A ping is written before it is counted. So an exception between two pings leaves the same files as `kill -9`, but for
-the hidden one of the output's last write.
-"""
+"""The command soundings of a scene that is ended on its way goes on, and the file has the same bytes."""
 import os
 
 import pytest
@@ -30,25 +26,11 @@ def scene(folder):
     return folder
 
 
+LINE = "soundings", "scene.xml", "--seed", "5"
+
+
 def run(*options):
-    return cli.main(["soundings", "scene.xml", "--seed", "5", *options])
-
-
-@pytest.fixture
-def interrupted(monkeypatch):
-    """Run the command so that it ends after two pings."""
-    from mitsonar.cli import progress
-
-    def interrupt(self, done, total, failed=0):
-        if done == 2:
-            raise KeyboardInterrupt
-
-    def end(*options):
-        with monkeypatch.context() as context:
-            context.setattr(progress.Progress, "__call__", interrupt)
-            assert run(*options) == 130
-
-    return end
+    return cli.main([*LINE, *options])
 
 
 def files(folder):
@@ -61,7 +43,7 @@ def test_the_same_command_goes_on_and_the_bytes_are_those_of_one_run(variant, sc
     assert "already in the file" not in capfd.readouterr().err and files(scene) == [name]
     whole = (scene / name).read_bytes()
     os.remove(name)
-    interrupted(*options)
+    interrupted(*LINE, *options)
     left = scene / f"{name}.part"
     assert f"interrupted; {left} is left, and the same command goes on with it" in capfd.readouterr().err
     assert files(scene) == [left.name]
@@ -73,7 +55,7 @@ def test_the_same_command_goes_on_and_the_bytes_are_those_of_one_run(variant, sc
 
 
 def test_soundings_of_another_scene_or_of_other_options_are_refused(variant, scene, capfd, interrupted):
-    interrupted("-o", "line.nc")
+    interrupted(*LINE, "-o", "line.nc")
     capfd.readouterr()
     for options, words in ((("-D", "depth=7"), "begun with other parameters (none, and here depth=7)"),
                            (("--snippets", "8"), "begun with another scene")):

@@ -48,7 +48,7 @@ def complaints(err):
 
 
 @pytest.mark.slow
-def test_same_bytes_by_one_process_and_two_and_dask_and_as_rendered_alone(plan, capfd, dask_workers):
+def test_same_bytes_by_one_process_and_two_and_dask_and_as_rendered_alone(plan, capfd, dask_workers, kept):
     assert cli.main(["sweep", "plan.toml", "--processes", "1"]) == 0
     out, err = capfd.readouterr()
     assert out.startswith("6 renders: 6 rendered in 0:00:") and out.endswith(f"\n{plan}/plan/manifest.jsonl\n")
@@ -125,7 +125,7 @@ def wait_for(happens, seconds=60):
 
 @pytest.mark.slow
 @pytest.mark.skipif(not os.path.exists("/proc/self/task"), reason="needs Linux's /proc to find the processes")
-def test_kills_and_interruptions_leave_nothing_unfinished_and_lose_nothing(plan):
+def test_kills_and_interruptions_leave_nothing_unfinished_and_lose_nothing(plan, kept):
     (plan / "plan.toml").write_text("seeds = 3\n" + PLAN, encoding="utf-8")
     assert cli.main(["sweep", "plan.toml", "-o", "calm", "--processes", "1"]) == 0
     lines = plan / "plan" / "manifest.jsonl"

@@ -47,7 +47,7 @@ def run(*words):
 
 
 @pytest.mark.slow
-def test_three_parts_joined_are_one_run_and_lies_are_found(plan, capfd):
+def test_three_parts_joined_are_one_run_and_lies_are_found(plan, capfd, kept):
     assert run("-o", "one") == 0
     assert run("-o", "a", "--part", "1/3") == run("-o", "a", "--part", "2/3") == run("-o", "b", "--part", "3/3") == 0
     assert "part 3/3, 1 render: 1 rendered" in capfd.readouterr().out
@@ -94,7 +94,7 @@ def start(folder, *options):
 
 
 @pytest.mark.slow
-def test_two_parts_on_one_disk_at_the_same_time_and_one_of_them_killed(plan, capfd):
+def test_two_parts_on_one_disk_at_the_same_time_and_one_of_them_killed(plan, capfd, kept):
     assert run("-o", "one") == 0
     other = start(plan, "-o", "both", "--part", "2/2")
     for after in (0.5, 2.5, 3.5):
@@ -143,7 +143,7 @@ def test_a_script_of_more_parts_than_renders_is_refused():
 
 
 @pytest.mark.slow
-def test_samples_hold_no_exr_and_any_exr_is_made_again(plan, capfd):
+def test_samples_hold_no_exr_and_any_exr_is_made_again(plan, capfd, kept):
     pytest.importorskip("pyarrow")
     (plan / "plan.toml").write_text(PLAN + '[labels]\nmasks = true\narrays = ["level"]\n', encoding="utf-8")
     assert run("-o", "set") == 2

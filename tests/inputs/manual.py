@@ -4,8 +4,9 @@
 
 runs the blocks of pages in one process, each page in a folder of its own that has `scenes` in it. Blocks marked
 ``python`` are executed, each in a namespace of its own; of those marked ``bash`` every line is a command of mitsonar,
-and is run but for the one that runs the tests; the demo has few pings, and dry runs time few renders. A block after
-the line ``<!-- file: NAME -->`` becomes that file, and one after ``<!-- not run: REASON -->`` is left out.
+and is run but for the one that runs the tests. The demo, plans of sweeps and scenes that take seconds have few pings,
+few rays or coarse beds, and a dry run times one render. A block after the line ``<!-- file: NAME -->`` becomes that
+file, and one after ``<!-- not run: REASON -->`` is left out.
 """
 import os
 import re
@@ -21,6 +22,10 @@ PAGES = sorted([*ROOT.glob("*.md"), *(page for folder in ("mitsonar", "plugins",
 BLOCK = re.compile(r"^(?:<!-- (?P<mark>not run|file): (?P<said>.+?) -->\n+)?"
                    r"^```(?P<language>\w*)\n(?P<text>.*?)^```$", re.M | re.S)
 DRAWINGS = ("", "text")            # what no program reads
+# of scenes that take seconds with the parameters of their pages; a command has these in place of its own
+COARSE = {"sidescan_wreck": ["bed_spacing=0.5", "ripple_wavelength=2.4", "stone_scour=0"], "gallery": ["rays=10000"],
+          "sector_scan": ["pings=30"], "swimmers": ["pings=2"], "multibeam": ["range=45"], "echo_sounder": ["pings=8"]}
+FEW = {"pings": 20, "rays": 5000}  # of a plan: at most
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,6 +92,21 @@ def links(text: str) -> list[str]:
     return re.findall(r"\]\(([^)\s]+)\)", prose)
 
 
+def shortened(words: list[str]) -> list[str]:
+    """Return the words of a command with the coarse parameters of its scene."""
+    for parameter in COARSE.get(words[1], []) if words[0] in ("render", "soundings") else []:
+        name = parameter.partition("=")[0]
+        own = next((place for place, word in enumerate(words) if word.startswith(f"{name}=")), None)
+        words = [*words, "-D", parameter] if own is None else [*words[:own], parameter, *words[own + 1:]]
+    return words
+
+
+def few(plan: str) -> str:
+    """Return the text of a plan with few pings and rays."""
+    return re.sub(r"^(pings|rays) = (\d+)", lambda found: f"{found[1]} = {min(int(found[2]), FEW[found[1]])}", plan,
+                  flags=re.M)
+
+
 def run(page: Path) -> None:
     """Run a page's blocks in order, in a new folder below the current one; print the line of each block first."""
     from mitsonar.__main__ import main
@@ -94,7 +114,7 @@ def run(page: Path) -> None:
     from mitsonar.sweep import estimate
 
     rendering.DEMO["pings"] = 20       # of 560: the others only take longer
-    estimate.TRIALS = 2                # of 3 renders that a dry run times, of which the first compiles
+    estimate.LONG_SECONDS = 0.0        # after how long a dry run has enough of its first render
     folder = Path(page.stem)
     folder.mkdir()
     os.chdir(folder)
@@ -104,13 +124,14 @@ def run(page: Path) -> None:
             continue
         print(f"{page.name}, line {block.line}", file=sys.stderr, flush=True)
         if block.file:
-            Path(block.file).write_text(block.text, encoding="utf-8")
+            text = few(block.text) if block.language == "toml" else block.text
+            Path(block.file).write_text(text, encoding="utf-8")
         elif block.language == "python":
             # the blank lines give tracebacks the page's own line numbers
             exec(compile("\n" * (block.line - 1) + block.text, str(page), "exec"), {"__name__": "__main__"})
         elif block.language == "bash":
             for words in commands(block.text):
-                code = words[:1] != ["test"] and main(words)
+                code = words[:1] != ["test"] and main(shortened(words))
                 if code:
                     raise SystemExit(f"mitsonar {shlex.join(words)} ended with exit code {code}")
         elif block.language == "xml":

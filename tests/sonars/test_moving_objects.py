@@ -105,7 +105,7 @@ def test_a_moving_shape_at_speed_0_is_that_shape_at_rest_bit_by_bit(variant):
     def levels(fish, buoy):
         scene = forward_looking(
             {"bed": {**bed(13.0), "bsdf": sediment("fine sand")}, "sea": sea, "fish": fish, "buoy": buoy},
-            film={"range": 12.0}, integrator={"cell": 0.1, "max_depth": 3}, sensor={
+            film={"range": 12.0}, integrator={"cell": 0.25, "max_depth": 3}, sensor={
                 "beams": 16, "receive_elements": 8, "bandwidth_khz": 8.0, "pings": 2})
         return mitsonar.render(scene, seed=2)
 
