@@ -30,6 +30,9 @@ def check_type(name: str) -> None:
 
 def check_folders(resolver: Any) -> None:
     """Refuse a folder with a library that Mitsuba would open as one of its plugins."""
+    # where it finds nothing, it takes the name as a path
+    if not any(_may_hold_others(os.path.join(folder, "plugins")) for folder in (*map(str, resolver), "")):
+        return
     for name, own in _known().items():
         library = str(resolver.resolve(f"plugins/{name}{SUFFIX}"))
         if os.path.exists(library) and not (own and os.path.samefile(library, own)):
@@ -37,10 +40,26 @@ def check_folders(resolver: Any) -> None:
                              "this file if you do not know what it is, or work in another folder")
 
 
+def _may_hold_others(folder: str) -> bool:
+    """Return True for a folder that holds a library, or may do so, and that is not the package's own."""
+    try:
+        return not os.path.samefile(folder, _own_folder()) and any(
+            file.lower().endswith(SUFFIX) for file in os.listdir(folder))
+    except (FileNotFoundError, NotADirectoryError):
+        return False
+    except OSError:
+        return True
+
+
+@functools.cache
+def _own_folder() -> str:
+    return os.path.join(os.path.dirname(mi.__file__), "plugins")
+
+
 @functools.cache
 def _known():
     """Return the library paths of the Mitsuba package by plugin name; None for plugins without a library."""
-    folder = os.path.join(os.path.dirname(mi.__file__), "plugins")
+    folder = _own_folder()
     own = {os.path.splitext(file)[0]: os.path.join(folder, file) for file in os.listdir(folder)
            if file.endswith(SUFFIX)}
     return {"scene": None, **dict.fromkeys(PLUGINS), **own}

@@ -103,6 +103,19 @@ def test_libraries_in_the_current_folder_are_refused_before_anything_is_made(pla
         mi.set_file_resolver(former)
 
 
+def test_a_folder_that_cannot_be_listed_is_searched_by_name(place, refusal, tmp_path, monkeypatch):
+    place("plugins/sphere")
+    listed = os.listdir
+
+    def closed(folder):
+        if str(tmp_path) in str(folder):
+            raise PermissionError(folder)
+        return listed(folder)
+
+    monkeypatch.setattr(os, "listdir", closed)
+    assert "plugins/sphere.so would run as program code" in refusal(SHAPE.format("sphere")).replace(".dylib", ".so")
+
+
 def test_a_link_to_mitsubas_own_library_is_no_strangers(tmp_path, variant):
     import mitsuba as mi
 
