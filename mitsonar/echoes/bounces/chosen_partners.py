@@ -143,18 +143,18 @@ class ChosenPartners:
             lobe=fitted_lobe(hits, ends.valid, self._frequency),
             at_surface=dr.select(ends.label == self._surface, mi.Float(1), 0)).table()
 
-    def choose(self, ends: Ends, a: mi.Float, b: mi.Float, strata: Strata, key: mi.UInt32, *,
+    def choose(self, ends: Ends, own: mi.Float, others: mi.Float, strata: Strata, key: mi.UInt32, *,
                folded: bool) -> list[tuple[mi.UInt32, mi.Float]]:
-        """Return for every kind of pair the number of an end of b for every end of a, and the probability q, (R,) each.
+        """Return for every kind of pair a number of the others for every end, and the probability q, (R,) each.
 
-        a and b are tables of ends, a that of `ends`. The kinds choose from the same candidates.
+        `own` and `others` are tables of ends (`likely`). The kinds choose from the same candidates.
         """
         row, within, _, _ = strata.split(ends.ray)
-        table, a = b, LikelyEnds.at(a, dr.arange(mi.UInt32, dr.width(ends.ray)))
+        a = LikelyEnds.at(own, dr.arange(mi.UInt32, dr.width(ends.ray)))
 
         def add_candidate(k: mi.UInt32, *sums: Any) -> tuple[Any, ...]:
             candidate, chance, number = partners(strata, ends.ray, salted(key, Salt.CANDIDATE, k))
-            b = LikelyEnds.at(table, candidate)
+            b = LikelyEnds.at(others, candidate)
             either, length = self._value(ends.valid, a, b, folded)
             state: list[Any] = [k + 1]
             for kind, (total, partner, worth, chosen_length) in zip(self._kinds, zip(*[iter(sums)] * 4)):
