@@ -84,7 +84,8 @@ def shadows(hidden_intensity: np.ndarray, seabed_intensity: np.ndarray, intensit
 
 def variables(known: BinTruth, label: np.ndarray, class_of: Mapping[int, int], dims: tuple[str, ...]) -> dict:
     """Return the truth of the bins as variables of a dataset."""
-    def entry(values, units, long_name, dims=dims):
+    def entry(values: np.ndarray, units: str, long_name: str,
+              dims: tuple[str, ...] = dims) -> tuple[tuple[str, ...], np.ndarray, dict[str, str]]:
         return dims, values, {"units": units, "long_name": long_name}
 
     return {
