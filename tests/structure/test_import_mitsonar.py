@@ -225,13 +225,17 @@ print(unused, halvings.__name__, *halvings(UInt32(1, 8, 1000)), *halvings(UInt32
 
 
 def test_xarray_knows_arrays_of_dask_once_dask_is_there():
-    """A picture is made without Dask, which is imported and recognised when somebody uses it."""
-    code = """import sys, mitsonar, numpy as np, xarray as xr
+    """A picture is made and written without Dask, which is imported and recognised when somebody uses it."""
+    code = """import sys, tempfile
 from mitsonar.device.lazy import begin_command
 begin_command()
+import mitsonar, numpy as np, xarray as xr
 mitsonar.render
 picture = xr.Dataset({"level": (("ping", "bin"), np.ones((4, 6)))}, coords={"ping": np.arange(4)})
 assert float(picture.level.sum()) == 24 and picture.isel(ping=0).level.values.shape == (6,)
+with tempfile.TemporaryDirectory() as folder:
+    picture.to_netcdf(folder + "/picture.nc", engine="h5netcdf")
+    assert xr.load_dataset(folder + "/picture.nc", engine="h5netcdf").identical(picture)
 assert "dask" not in {name.partition(".")[0] for name in sys.modules}
 lazy = picture.chunk(ping=2)
 import dask.array
