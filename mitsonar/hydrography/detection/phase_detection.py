@@ -27,7 +27,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .windows import Windows, among_neighbours, windows_about
+from mitsonar.signal.beamforming.alignment import device_arrays
+
+from .phase_lines import PhaseLines, PhaseSamples
+from .windows import among_neighbours
 
 PASSES = 3
 REACHES = (0.8, 0.4, 0.2)    # half the windows, in -3 dB widths of the beam; a half's beam is twice as wide
@@ -61,9 +64,9 @@ def by_phase(halves: tuple[np.ndarray, np.ndarray], time: np.ndarray, centre: np
     found, incidence, settled = _settled(beams, centre, incidence, half)
     ratio = slope / np.tan(incidence)
     settled &= (ratio > SLOPES[0]) & (ratio < SLOPES[1]) & (np.abs(found - centre) < half)
-    made = []
+    made, samples = [], beams.samples(found, beams.half(found, incidence, REACHES[0]))
     for reach, least in zip(REACHES, LEAST_ECHOES, strict=True):
-        one = _measured(beams, found, incidence, reach, least, settled)
+        one = _measured(beams, samples, found, incidence, reach, least, settled)
         made.append(_no_surer(one, made[-1]) if made else one)
         found = np.where(np.isfinite(made[-1].deviation), made[-1].time, found)
     best = _widest_that_agrees(made)
@@ -82,12 +85,18 @@ class _PhaseBeams:
     turn: np.ndarray
     spacing: float
 
-    def samples(self, centre: np.ndarray, half: np.ndarray) -> _PhaseSamples:
+    def half(self, found: np.ndarray, incidence: np.ndarray, reach: float) -> np.ndarray:
+        """Return half a window (B,) [s] that holds the bed within `reach` of the beam."""
+        return 1.2 * found * np.abs(np.tan(incidence)) * self.spread / np.sqrt(1 - self.sines ** 2) * reach
+
+    def samples(self, centre: np.ndarray, half: np.ndarray) -> PhaseSamples:
         """Return the samples about a time of every beam."""
-        windows = windows_about(self.time, centre, half + self.spacing)
-        port, starboard = (windows.taken(record) for record in self.halves)
-        return _PhaseSamples(product=(starboard * np.conj(port)).astype(complex), windows=windows,
-                             instants=self.time[windows.sample])
+        return PhaseSamples(device_arrays(), self.halves, self.time, centre, half + self.spacing)
+
+    def lines(self, found: np.ndarray, half: np.ndarray, incidence: np.ndarray, reach: np.ndarray) -> PhaseLines:
+        """Return the lines expected of a plane bed about a time of every beam."""
+        return PhaseLines(found=found, half=half + self.spacing, incidence=incidence, sines=self.sines, reach=reach,
+                          turn=self.turn)
 
 
 def _settled(beams: _PhaseBeams, centre: np.ndarray, incidence: np.ndarray,
@@ -97,10 +106,11 @@ def _settled(beams: _PhaseBeams, centre: np.ndarray, incidence: np.ndarray,
     reach = REACHES[0] * beams.spread
     found, ok, share = centre, np.ones(len(centre), bool), np.ones(len(centre))
     for number in range(PASSES):
-        turned = _turned(samples, found, incidence, beams.sines, reach, beams.turn)
-        crossing = -turned.offset / beams.turn
-        if number == PASSES - 1:
-            fit = _fitted(samples, turned, beams.turn, 1)
+        lines = beams.lines(found, half, incidence, reach)
+        if number < PASSES - 1:
+            crossing = -samples.offsets(lines) / beams.turn
+        else:
+            fit = samples.fitted(lines, 1)
             crossing = fit.crossing
             share = np.where(np.isfinite(crossing), fit.turn / beams.turn, 1.0)
         ok = np.isfinite(crossing) & (np.abs(crossing) < 2 * reach)
@@ -110,15 +120,13 @@ def _settled(beams: _PhaseBeams, centre: np.ndarray, incidence: np.ndarray,
     return found, incidence, ok
 
 
-def _measured(beams: _PhaseBeams, found: np.ndarray, incidence: np.ndarray, reach: float, least: float,
-              settled: np.ndarray) -> PhaseDetections:
+def _measured(beams: _PhaseBeams, samples: PhaseSamples, found: np.ndarray, incidence: np.ndarray, reach: float,
+              least: float, settled: np.ndarray) -> PhaseDetections:
     """Measure the crossing and its deviation in one window."""
     tangent = np.abs(np.tan(incidence))
-    half = found * tangent * beams.spread / np.sqrt(1 - beams.sines ** 2) * reach
     spacing = max(beams.spacing / (beams.time[1] - beams.time[0]), 1.0)
-    samples = beams.samples(found, 1.2 * half)
-    turned = _turned(samples, found, incidence, beams.sines, reach * beams.spread, beams.turn)
-    fit = _fitted(samples, turned, beams.turn, int(round(BLOCK * spacing)))
+    lines = beams.lines(found, beams.half(found, incidence, reach), incidence, reach * beams.spread)
+    fit = samples.fitted(lines, int(round(BLOCK * spacing)))
     echoes = fit.count / spacing
     rate = np.abs(fit.turn) * np.sqrt(1 - beams.sines ** 2) / (found * tangent)
     freedom = echoes / np.maximum(echoes - FREE, 0.5)
@@ -154,83 +162,6 @@ def no_phase(time: np.ndarray) -> PhaseDetections:
     """Return undetected beams (B,), for a head whose beams are not split."""
     nothing = np.zeros_like(time)
     return PhaseDetections(time=time, deviation=np.full_like(time, np.inf), slope=nothing, echoes=nothing)
-
-
-@dataclass(frozen=True, kw_only=True)
-class _PhaseSamples:
-    product: np.ndarray
-    instants: np.ndarray
-    windows: Windows
-
-
-@dataclass(frozen=True, kw_only=True)
-class _PhaseFit:
-    """Crossing of the phase [sine], its slope, its variance [rad²] with independent samples, and counts."""
-
-    crossing: np.ndarray
-    turn: np.ndarray
-    variance: np.ndarray
-    count: np.ndarray
-
-
-@dataclass(frozen=True, kw_only=True)
-class _TurnedPhase:
-    """Samples (W,) turned back by a line of the expected slope, and the best offset (B,) [rad] of the rest."""
-
-    x: np.ndarray
-    inside: np.ndarray
-    product: np.ndarray
-    offset: np.ndarray
-
-
-def _turned(samples: _PhaseSamples, found: np.ndarray, incidence: np.ndarray, sines: np.ndarray, reach: np.ndarray,
-            turn: np.ndarray) -> _TurnedPhase:
-    """Return the samples turned by a line of slope ``turn`` about a time of every beam, and its best offset."""
-    beam = samples.windows.beam
-    x = _offsets(samples.instants, found, incidence, sines, beam)
-    inside = np.abs(x) <= reach[beam]
-    x *= inside
-    phase = (turn[beam] * x).astype(np.float32)          # of a few radians, right to 1e-6
-    turned = np.empty_like(samples.product)
-    np.multiply(np.cos(phase), inside, out=np.real(turned))
-    np.multiply(-np.sin(phase), inside, out=np.imag(turned))
-    turned *= samples.product
-    return _TurnedPhase(x=x, inside=inside, product=turned, offset=np.angle(samples.windows.summed(turned)))
-
-
-def _fitted(samples: _PhaseSamples, turned: _TurnedPhase, turn: np.ndarray, block: int) -> _PhaseFit:
-    """Fit the line's offset and slope, by one step from the line of slope ``turn``."""
-    windows, beam, x = samples.windows, samples.windows.beam, turned.x
-    product = turned.product * np.exp(-1j * turned.offset)[beam]
-    along, across = np.real(product).copy(), np.imag(product).copy()
-    weight = np.maximum(along, 0.3 * np.abs(product))
-    first = weight * x
-    m0, m1, m2 = windows.summed(weight), windows.summed(first), windows.summed(first * x)
-    e0, e1 = windows.summed(across), windows.summed(across * x)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        determinant = m0 * m2 - m1 ** 2
-        slope = (m0 * e1 - m1 * e0) / determinant
-        offset = (e0 - slope * m1) / m0
-        crossing = -(turned.offset + offset) / (turn + slope)
-        phase = (offset[beam] + slope[beam] * x).astype(np.float32)
-        rest = across * np.cos(phase) - along * np.sin(phase)
-        g0, g1 = (m2 - m1 * crossing) / determinant, (m0 * crossing - m1) / determinant
-        pull = np.nan_to_num(rest * (g0[beam] + g1[beam] * x))
-        length = np.full(len(turn), 2 * (block // 2) + 1)
-        variance = windows.summed(windows.smoothed(pull, length) ** 2) / length
-    return _PhaseFit(crossing=crossing, turn=turn + slope, variance=variance,
-                     count=windows.summed(turned.inside.astype(float)))
-
-
-def _offsets(instants: np.ndarray, found: np.ndarray, incidence: np.ndarray, sines: np.ndarray,
-             beam: np.ndarray) -> np.ndarray:
-    """Return x(t) (W,)."""
-    leaning, sign = np.arcsin(sines) - incidence, np.sign(incidence)
-    nearest = (found * np.cos(incidence))[beam] / np.maximum(instants, 1e-12)
-    np.clip(nearest, -1.0, 1.0, out=nearest)
-    # sin(± acos(nearest) + leaning)
-    aside = np.sqrt(1 - nearest ** 2)
-    return aside * (sign * np.cos(leaning))[beam] + nearest * np.sin(leaning)[beam] - sines[beam]
 
 
 def _time_of(crossing: np.ndarray, found: np.ndarray, incidence: np.ndarray, sines: np.ndarray) -> np.ndarray:

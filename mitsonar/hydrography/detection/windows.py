@@ -5,6 +5,7 @@ Sums over each window run over one flat array, so that the cost is that of the s
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy import ndimage
@@ -16,9 +17,17 @@ class Windows:
 
     begin: np.ndarray  # (B,), first sample
     end: np.ndarray  # (B,), sample after the last
-    beam: np.ndarray  # (W,), beam of each sample, increasing
-    sample: np.ndarray  # (W,), its number in the record
     start: np.ndarray  # (B,), begin of each window among the W
+
+    @cached_property
+    def beam(self) -> np.ndarray:
+        """Return the beam of each sample (W,), increasing."""
+        return np.repeat(np.arange(len(self.begin)), self.end - self.begin)
+
+    @cached_property
+    def sample(self) -> np.ndarray:
+        """Return each sample's number in the record (W,)."""
+        return np.arange(len(self.beam)) - (self.start - self.begin)[self.beam]
 
     def taken(self, record: np.ndarray) -> np.ndarray:
         """Return the samples (W,) of a record (B, T)."""
@@ -66,9 +75,10 @@ def over_spans(reduction: np.ufunc, values: np.ndarray, spans: tuple[np.ndarray,
 def among_neighbours(values: np.ndarray, good: np.ndarray, aside: int = 2) -> np.ndarray:
     """Return means of values (B,) over the good ones of each beam and ``aside`` to either side; NaN without any."""
     size = 2 * aside + 1
-    total = ndimage.uniform_filter1d(np.where(good, values, 0.0), size, mode="constant")
-    count = ndimage.uniform_filter1d(good.astype(float), size, mode="constant")
-    return np.where(count > 0.5 / size, total / np.maximum(count, 0.5 / size), np.nan)
+    # not by running sums, in which one huge value leaves its rounding to all that follow
+    total, count = (ndimage.convolve1d(one, np.ones(size), mode="constant")
+                    for one in (np.where(good, values, 0.0), good.astype(float)))
+    return np.where(count > 0.5, total / np.maximum(count, 1.0), np.nan)
 
 
 def windows_about(time: np.ndarray, centre: np.ndarray, half: np.ndarray) -> Windows:
@@ -77,8 +87,4 @@ def windows_about(time: np.ndarray, centre: np.ndarray, half: np.ndarray) -> Win
     rate = 1 / (time[1] - time[0])
     begin = np.clip(np.floor((centre - half - time[0]) * rate), 0, len(time) - 2).astype(np.int64)
     end = np.clip(np.ceil((centre + half - time[0]) * rate) + 1, begin + 2, len(time)).astype(np.int64)
-    length = end - begin
-    start = np.concatenate([[0], np.cumsum(length)[:-1]])
-    beam = np.repeat(np.arange(len(begin)), length)
-    return Windows(begin=begin, end=end, beam=beam, start=start,
-                   sample=np.arange(len(beam)) - (start - begin)[beam])
+    return Windows(begin=begin, end=end, start=np.concatenate([[0], np.cumsum(end - begin)[:-1]]))
