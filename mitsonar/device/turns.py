@@ -8,6 +8,10 @@ A forked process has none of its parent's threads, so that Dr.Jit would wait for
 therefore end before a fork and start again in both processes. If the parent has other Python threads, workers may be at
 work for one of them and cannot end; a GPU cannot be used after a fork at all. The child is refused then, instead of
 waiting forever.
+
+A worker without work looks for some for 20 ms before it sleeps, on a core that NumPy and SciPy need for what comes
+after a kernel: an FFT on all cores takes 1.6 times as long. The workers therefore end before such work, which takes a
+tenth of a millisecond (`workers_ended`).
 """
 from __future__ import annotations
 
@@ -51,20 +55,13 @@ class _Turn:
 
     def before_fork(self) -> None:
         """Stop Dr.Jit's workers if no other thread can be using them."""
-        if _variant().startswith("llvm") and len(sys._current_frames()) == 1:
-            import drjit as dr
-
-            dr.sync_thread()
-            self._threads = dr.thread_count()
-            dr.set_thread_count(1)
+        if len(sys._current_frames()) == 1:
+            self._threads = _end_workers()
 
     def after_fork(self) -> None:
         """Start the workers again."""
-        if self._threads:
-            import drjit as dr
-
-            dr.set_thread_count(self._threads)
-            self._threads = 0
+        _start_workers(self._threads)
+        self._threads = 0
 
     def in_child(self) -> None:
         """Start workers in the child, or note why it cannot use the device."""
@@ -77,6 +74,44 @@ def _variant() -> str:
     """Return Mitsuba's variant; empty if none is set."""
     variant = getattr(sys.modules.get("mitsuba"), "variant", None)
     return (variant and variant()) or ""
+
+
+def _end_workers() -> int:
+    """End Dr.Jit's workers, and return how many threads it had; 0 if it works on a GPU, or not yet."""
+    if not _variant().startswith("llvm"):
+        return 0
+    import drjit as dr
+
+    dr.sync_thread()
+    threads = dr.thread_count()
+    dr.set_thread_count(1)
+    return threads
+
+
+def _start_workers(threads: int) -> None:
+    """Start Dr.Jit's workers again, if it had any."""
+    if threads:
+        import drjit as dr
+
+        dr.set_thread_count(threads)
+
+
+@contextlib.contextmanager
+def workers_ended() -> Generator[int, None, None]:
+    """End Dr.Jit's workers during work of more than some milliseconds on the host; small kernels may run in it.
+
+    Yields
+    ------
+    int
+        Threads that the host may use.
+    """
+    import drjit as dr
+
+    threads = _end_workers()
+    try:
+        yield threads or dr.thread_count()
+    finally:
+        _start_workers(threads)
 
 
 TURN = _Turn()

@@ -39,6 +39,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
+from mitsonar.device.turns import workers_ended
 from mitsonar.device.types import ArrayTypes, Float
 
 
@@ -280,9 +281,10 @@ def in_band_error_db(responses: np.ndarray, *, sampling_rate: float, offset: np.
 def _filtered(records: np.ndarray, filter: np.ndarray) -> np.ndarray:
     """Multiply the spectra of records (..., samples), padded to the filter's length (N,)."""
     samples = records.shape[-1]
-    spectrum = scipy.fft.fft(records, len(filter), axis=-1, workers=-1)
-    spectrum *= filter
-    return scipy.fft.ifft(spectrum, axis=-1, overwrite_x=True, workers=-1)[..., :samples]
+    with workers_ended() as threads:
+        spectrum = scipy.fft.fft(records, len(filter), axis=-1, workers=threads)
+        spectrum *= filter
+        return scipy.fft.ifft(spectrum, axis=-1, overwrite_x=True, workers=threads)[..., :samples]
 
 
 def _columns(amplitude: ArrayLike, delay: np.ndarray) -> np.ndarray:

@@ -15,6 +15,7 @@ import numpy as np
 from scipy import fft
 
 from mitsonar.device.arrays import arrays_of, upload
+from mitsonar.device.turns import workers_ended
 from mitsonar.device.types import ArrayTypes, Float, UInt32
 
 TILE = 16                          # frequencies
@@ -27,7 +28,8 @@ def transformed(values: Float, length: int, *, inverse: bool = False) -> Float:
     there = values.numpy()
     whole = there.view(np.complex64).reshape(-1, length)
     transform = fft.ifft if inverse else fft.fft
-    result = transform(whole, axis=1, overwrite_x=True, workers=max(1, dr.thread_count()))
+    with workers_ended() as threads:
+        result = transform(whole, axis=1, overwrite_x=True, workers=threads)
     if np.shares_memory(result, whole) and dr.backend_v(lib.Float) == dr.JitBackend.LLVM:
         return values
     return upload(lib.Float, result.view(np.float32))

@@ -19,6 +19,7 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.device.arrays import arrays_of, compressed, entries, held, upload
+from mitsonar.device.turns import workers_ended
 from mitsonar.echoes.sums.origin_sums import SECTORS, sector
 from mitsonar.imaging.energy_record import EnergyRecord, powers
 from mitsonar.imaging.truth import HALF, BinTruth
@@ -255,14 +256,15 @@ class FrameTruth:
         total, hidden_share = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
         label, object_shadow = np.zeros(shape, np.uint32), np.zeros(shape, np.uint32)
         share = np.zeros((shape[0], self._labels, shape[1]), np.float32)
-        for first in range(0, shape[0], ROWS):
-            rows = slice(first, first + ROWS)
-            there, seabed, lost = ([part for plane in group if len((part := plane.among(first, first + ROWS)).energy)]
-                                   for group in (planes, ground.seabed, ground.lost))
-            _share_out(there, total[rows], share[rows], label[rows])
-            if lost:
-                _shade(seabed, lost, total[rows], hidden_share[rows], object_shadow[rows])
-            total[rows] *= np.float32(source_power)
+        with workers_ended():
+            for first in range(0, shape[0], ROWS):
+                rows = slice(first, last := first + ROWS)
+                there, seabed, lost = ([part for plane in group if len((part := plane.among(first, last)).energy)]
+                                       for group in (planes, ground.seabed, ground.lost))
+                _share_out(there, total[rows], share[rows], label[rows])
+                if lost:
+                    _shade(seabed, lost, total[rows], hidden_share[rows], object_shadow[rows])
+                total[rows] *= np.float32(source_power)
         return EnergyRecord(
             intensity=total, depth=ground.depth, rays=ground.rays, rays_in_beam=ground.rays_in_beam,
             truth=BinTruth(label=label, share=share, hidden=hidden_share, object_shadow=object_shadow,

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mitsonar.device.turns import workers_ended
 from mitsonar.hydrography.detection.bottom_track import BottomEchoes, reduced
 from mitsonar.hydrography.detection.detection import Detections, Head, detect
 from mitsonar.hydrography.detection.side_lobes import SummedEchoes, of_main_lobes, through_side_lobes
@@ -50,7 +51,12 @@ class SwathBeams:
 
     def measure(self, ping: int) -> BeamMeasurement:
         """Measure a ping."""
-        beams = [(sector.halves(ping, self._seed), sector.time) for sector in self._sectors.at(ping)]
+        return self._measured(ping, [(sector.halves(ping, self._seed), sector.time)
+                                     for sector in self._sectors.at(ping)])
+
+    @workers_ended()
+    def _measured(self, ping: int, beams: list[tuple[Halves, np.ndarray]]) -> BeamMeasurement:
+        """Detect the bed in a ping's beams, of all sectors, at the times of their samples."""
         sums = [reduced((halves.port, halves.starboard), time, length)
                 for (halves, time), length in zip(beams, self._lengths)]
         detected = [self._detected(number, halves, ping, sums[number]) for number, (halves, _) in enumerate(beams)]

@@ -28,6 +28,7 @@ import xarray as xr
 
 from mitsonar.device.arrays import arrays_of, upload
 from mitsonar.device.chance import sonar_seed
+from mitsonar.device.turns import workers_ended
 from mitsonar.hydrography.record import variable
 from mitsonar.hydrography.reduction.attitude import PlatformMotion
 from mitsonar.hydrography.reduction.errors import Reduction, errors
@@ -177,6 +178,7 @@ class SoundingLine(Generic[MeasurementT]):
         for ping in range(self._survey.track.pings) if numbers is None else numbers:
             yield self.ping(int(ping), self._instrument.measure(int(ping)))
 
+    @workers_ended()
     def ping(self, ping: int, made: MeasurementT) -> xr.Dataset:
         """Return the soundings of a ping from the measurement of its instrument."""
         survey, instrument = self._survey, self._instrument
