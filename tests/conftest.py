@@ -9,7 +9,7 @@ import sys
 
 import pytest
 
-import mitsonar  # noqa: F401  (chooses libLLVM: must come before anything that imports Dr.Jit)
+import mitsonar.device.turns  # chooses libLLVM: must come before anything that imports Dr.Jit
 
 # For the processes of pytest-xdist, which take the cores already, and for those that tests start. Threads of OpenBLAS
 # wait for each other by spinning: 200 SVDs of 200 x 200 on two busy cores take 14 s of CPU with two, 1.5 s with one.
@@ -77,6 +77,10 @@ def pytest_runtest_teardown(item, nextitem):
 
 
 def pytest_runtest_setup(item):
+    if (drjit := sys.modules.get("drjit")) is not None:
+        # Processes of pytest-xdist take the cores already: beside each other they are a fifth faster without Dr.Jit's
+        # workers, which look for work for 20 ms after a kernel.
+        drjit.set_thread_count(1 if "PYTEST_XDIST_WORKER" in os.environ else max(2, drjit.thread_count()))
     if item.get_closest_marker("gpu"):
         import drjit as dr
 
@@ -87,15 +91,19 @@ def pytest_runtest_setup(item):
 @pytest.fixture
 def variant(request):
     """The name of a Mitsuba variant that is set and in which kernels compile."""
-    import drjit as dr
     import mitsuba as mi
 
     if request.param.startswith("scalar") or request.param not in mi.variants():
         raise pytest.UsageError(f"--variants takes JIT variants of {mi.variants()}, not {request.param}")
     mi.set_variant(request.param)
-    # One thread makes Mitsuba's EXR reader and writer wait for ever.
-    dr.set_thread_count(max(2, dr.thread_count()))
     return request.param
+
+
+@pytest.fixture
+def two_threads():
+    """For tests in which Mitsuba itself reads or writes EXR: with one thread it waits forever."""
+    with mitsonar.device.turns.at_least_two_threads():
+        yield
 
 
 @pytest.fixture

@@ -78,7 +78,7 @@ def add_parameters(command: argparse._ActionsContainer) -> None:
 
 def add_threads(command: argparse._ActionsContainer) -> None:
     """Add ``--threads``."""
-    command.add_argument("--threads", type=whole, metavar="N", help="worker threads, at least 2; default: one per core")
+    command.add_argument("--threads", type=whole, metavar="N", help="threads that render; default: one per core")
 
 
 def add_gain(command: argparse.ArgumentParser, default: str, text: str = "display gain over range",
@@ -128,8 +128,11 @@ def set_up(threads: int | None) -> None:
     mi.set_log_level(mi.LogLevel.Error)
     if threads is None:
         return
-    if not 2 <= threads <= MOST_THREADS:
-        raise ValueError(f"--threads is {threads}; give 2 to {MOST_THREADS} (Mitsuba needs two even on one core)")
+    if not 1 <= threads <= MOST_THREADS:
+        raise ValueError(f"--threads is {threads}; give 1 to {MOST_THREADS}")
+    from mitsonar.scene.loading import prepare
+
+    prepare()
     try:
         dr.set_thread_count(threads)
     except RuntimeError as error:

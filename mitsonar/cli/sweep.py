@@ -24,9 +24,9 @@ def add(commands: Commands) -> None:
     sweep.add_argument("--verify", action="store_true",
                        help="check the existing images, and render damaged or changed ones again")
     sweep.add_argument("--processes", type=whole, metavar="N",
-                       help="processes on this machine; default: one for two cores")
+                       help="processes on this machine; default: one for each core and GB of memory")
     sweep.add_argument("--threads", type=whole, metavar="N",
-                       help="threads of each process, at least 2; default: the cores shared out")
+                       help="threads of each process; default: the cores shared out")
     sweep.add_argument("--workers", type=whole, metavar="N", help="start a Dask cluster of N workers here instead")
     sweep.add_argument("--scheduler", metavar="ADDRESS",
                        help="use a running Dask cluster instead; it can run any code as you")
@@ -188,7 +188,7 @@ def _print_estimate(plan, part, arguments):
         length = datetime.timedelta(seconds=round(cost.duration))
         each = f"{cost.seconds:.2g}" if cost.seconds < 100 else f"{cost.seconds:.0f}"
         announce(f"time: about {length}, {each} s each ({how}), by "
-                 f"{_count(cost.processes, 'process')} of {cost.threads} threads"
+                 f"{_count(cost.processes, 'process')} of {_count(cost.threads, 'thread')}"
                  + (f", of which the cores run {cost.at_once} at once" if cost.at_once < cost.processes else ""))
         for scene in cost.scenes if len(cost.scenes) > 1 else ():
             hours, _, price = costs(scene, cost.threads, rates, MANY)

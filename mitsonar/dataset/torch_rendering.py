@@ -43,8 +43,8 @@ class RenderedImages(torch.utils.data.IterableDataset):
         self.form: Form | None = form
         self.endless, self.shuffle, self.threads = endless, shuffle, threads
         self.rank, self.world_size = _place(rank, world_size)
-        if threads is not None and threads < 2:
-            raise ValueError(f"{threads} threads were asked for; give 2 or more (Mitsuba needs two even on one core).")
+        if threads is not None and threads < 1:
+            raise ValueError(f"{threads} threads were asked for; give 1 or more.")
         self._of_subset: tuple[int, np.ndarray] | None = None                  # of one epoch
         if self.world_size > (count := len(self._renders(0))):
             raise ValueError(f"{plan.path} makes {count} renders{f' of {subset}' if subset else ''}, fewer than the "
@@ -176,7 +176,7 @@ class RenderedImages(torch.utils.data.IterableDataset):
         if workers is not None:
             mi.set_log_level(mi.LogLevel.Error)
         beside = (workers or 1) * int(os.environ.get("LOCAL_WORLD_SIZE", 1))
-        threads = self.threads or max(2, cores() // beside)
+        threads = self.threads or max(1, cores() // beside)
         if dr.thread_count() != threads:
             dr.set_thread_count(threads)
 

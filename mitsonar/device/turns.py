@@ -114,6 +114,21 @@ def workers_ended() -> Generator[int, None, None]:
         _start_workers(threads)
 
 
+@contextlib.contextmanager
+def at_least_two_threads() -> Generator[None, None, None]:
+    """Give Dr.Jit a worker while files are read: without one, Mitsuba's reader of EXR waits for itself forever."""
+    import drjit as dr
+
+    alone = dr.thread_count() < 2
+    if alone:
+        dr.set_thread_count(2)
+    try:
+        yield
+    finally:
+        if alone:
+            dr.set_thread_count(1)
+
+
 TURN = _Turn()
 if hasattr(os, "register_at_fork"):
     os.register_at_fork(before=TURN.before_fork, after_in_parent=TURN.after_fork, after_in_child=TURN.in_child)

@@ -13,7 +13,7 @@ import mitsuba as mi
 from mitsonar.device.files import FilePath, check_readable
 from mitsonar.device.sentences import shortened
 from mitsonar.device.spelling import meant
-from mitsonar.device.turns import TURN
+from mitsonar.device.turns import TURN, at_least_two_threads
 from mitsonar.io.scene_files.scenes import filled, find, root, text
 
 from . import files as scene_files, libraries, registration
@@ -39,10 +39,17 @@ def prepare() -> None:
             mi.set_variant(*(VARIANTS if dr.has_backend(dr.JitBackend.LLVM) else VARIANTS[1:]))
         if (variant := mi.variant()) is not None:
             registration.register(variant)     # another thread may have set the variant just now
-        if dr.thread_count() < 2:
-            dr.set_thread_count(2)             # with one worker Mitsuba's file readers wait for themselves forever
+        _enough_threads()
     mitsuba: Any = mi                              # its type stubs lack file_resolver
     libraries.check_folders(mitsuba.file_resolver())
+
+
+@functools.cache
+def _enough_threads():
+    """Give Mitsuba's own loader two threads on a machine of one core; later it is the user who chooses."""
+    import drjit as dr
+
+    dr.set_thread_count(max(dr.thread_count(), 2))
 
 
 def load_file(path: FilePath, /, **parameters: object) -> mi.Scene:
@@ -104,7 +111,8 @@ def _loaded(path, parameters):
     from .errors import as_exception
 
     try:
-        with TURN:                             # Mitsuba's file resolver is one for all threads, too
+        # Mitsuba's file resolver is one for all threads, too
+        with TURN, at_least_two_threads():
             scene_files.check(path, values)
             # One object after the other: while a shape of ours waits for the device, Mitsuba's worker would make the
             # next one within it, and hundreds of them end in a RecursionError. This is as fast.

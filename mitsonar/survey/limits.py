@@ -1,11 +1,9 @@
 """Limits of a survey, checked before it begins: the machine's memory, and sums that would take hours."""
 from __future__ import annotations
 
-import os
 from typing import TYPE_CHECKING
 
-import numpy as np
-
+from mitsonar.device.memory import memory
 from mitsonar.signal.gates import speckle_gates
 
 if TYPE_CHECKING:
@@ -66,21 +64,7 @@ def check_rows(survey: ArraySurvey, bins: int, *, pings: int) -> None:
 
 def _check_memory(needed: float, request: str, remedy: str) -> None:
     """Refuse a request that needs more bytes than the machine has."""
-    available = _memory()
+    available = memory()
     if needed > available:
         raise ValueError(f"{request} takes {needed / 1e9:.0f} GB, more than the {available / 1e9:.0f} GB of this "
                          f"machine; {remedy}")
-
-
-def _memory() -> float:
-    """Return the physical memory [bytes] or a process's limit of it; infinite where the system does not report it."""
-    try:
-        physical = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    except (AttributeError, ValueError, OSError):
-        return np.inf
-    try:
-        import resource
-    except ImportError:                                # not on Windows
-        return physical
-    allowed = resource.getrlimit(resource.RLIMIT_AS)[0]
-    return physical if allowed == resource.RLIM_INFINITY else min(physical, allowed)

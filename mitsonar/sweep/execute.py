@@ -98,7 +98,7 @@ def run(plan: Plan | FilePath, folder: FilePath | None = None, *, processes: int
     processes : int or None
         Number of processes on this machine; default: as many as its cores can run.
     threads : int or None
-        Threads of each process, at least 2; default: an equal share of the cores.
+        Threads of each process; default: an equal share of the cores.
     workers : int or None
         Number of workers of a Dask cluster to start here instead.
     scheduler : str or None

@@ -122,7 +122,7 @@ def test_a_huge_plan_is_not_read(folder, refusal):
 
 
 @pytest.mark.parametrize("options, says", [
-    (["--threads", "1"], "1 threads were asked for; give 2 to 1024"),
+    (["--threads", "0"], "0 threads were asked for; give 1 to 1024"),
     (["--processes", "0"], "0 processes were asked for; give 1 to 1024"),
     (["--workers", "2", "--processes", "2"], "were asked for together; give one of them"),
     (["--scheduler", "nonsense://x"], "no Dask workers to be had at nonsense://x"),

@@ -6,7 +6,9 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
+import mitsonar.scene.loading
 from mitsonar.device.turns import workers_ended
+from mitsonar.sweep.pools import local
 
 
 @pytest.fixture(autouse=True)
@@ -47,3 +49,28 @@ def test_no_thread_looks_for_work_meanwhile():
             time.sleep(0.02)
             spent.append(time.process_time() - before)
     assert np.median(spent) < 0.005
+
+
+def test_one_thread_reads_images(tmp_path, two_threads):
+    """Mitsuba's reader of EXR waits for a worker forever where there is none."""
+    mi.Bitmap(np.ones((4, 4, 3), np.float32)).write(str(tmp_path / "grey.exr"))
+    (tmp_path / "scene.xml").write_text("""<scene version="3.0.0"><shape type="rectangle"><bsdf type="diffuse">
+        <texture type="bitmap" name="reflectance"><string name="filename" value="grey.exr"/></texture>
+        </bsdf></shape></scene>""", encoding="utf-8")
+    mitsonar.scene.loading.prepare()               # which leaves the number of threads alone from here on
+    threads = dr.thread_count()
+    try:
+        dr.set_thread_count(1)
+        assert len(mitsonar.load_file(tmp_path / "scene.xml").shapes()) == 1
+        assert dr.thread_count() == 1
+    finally:
+        dr.set_thread_count(threads)
+
+
+@pytest.mark.parametrize("cores, gigabytes, processes, threads, shared", [
+    (8, 64, None, None, (8, 1)), (8, 3.5, None, None, (3, 2)), (8, 0.5, None, None, (1, 8)), (8, 64, None, 4, (2, 4)),
+    (2, 64, 1, None, (1, 2)), (2, 64, 5, None, (5, 1)), (2, 64, 3, 2, (3, 2))])
+def test_processes_share_cores_and_memory(monkeypatch, cores, gigabytes, processes, threads, shared):
+    monkeypatch.setattr(local, "cores", lambda: cores)
+    monkeypatch.setattr(local, "memory", lambda: 1e9 * gigabytes)
+    assert local.shares(processes, threads) == shared

@@ -162,7 +162,7 @@ def test_a_bed_that_is_never_met_has_no_gradient(load):
     assert not np.any(about.backward(np.ones_like(about.value))[POSITIONS])
 
 
-def test_a_texture_moves_a_sidescan_both_ways(load, rng, tmp_path):
+def test_a_texture_moves_a_sidescan_both_ways(load, rng, tmp_path, two_threads):
     """A texture keeps a copy of its data: tangents must reach it, time after time."""
     places = np.linspace(0, 1, 12)
     strengths = (-25 + 3 * np.sin(6 * places[:, None] + 4 * places)).astype(np.float32)

@@ -12,6 +12,7 @@ from mitsonar.inversion.images.image_fit import Stage
 from mitsonar.inversion.images.sediment_map import fit_sediment_map
 from scenes import SCENE, looked, model
 
+pytestmark = pytest.mark.usefixtures("two_threads")
 KEY = "bed.bsdf.mu_db.data"
 CLASSES = {"mud": -27.0, "sand": -20.0}
 PAINTED = """<bsdf type="lambert" id="sand"><texture type="bitmap" name="mu_db"><boolean name="raw" value="true"/>

@@ -105,10 +105,8 @@ def test_any_reader_finds_the_picture_the_channels_and_the_words(tmp_path):
     assert file.header(1)["mitsonar:units.depth"] == "m"
 
 
-def test_mitsuba_reads_the_picture(tmp_path):
+def test_mitsuba_reads_the_picture(tmp_path, two_threads):
     mi = pytest.importorskip("mitsuba")
-    if len(os.sched_getaffinity(0)) < 2:
-        pytest.skip("Mitsuba's EXR reader hangs with one thread")
     if mi.variant() is None:
         mi.set_variant("scalar_rgb")
     dataset = sidescan(6, 10)

@@ -11,6 +11,7 @@ from PIL import Image
 
 from mitsonar.io.scene_files import pictures
 
+pytestmark = pytest.mark.usefixtures("two_threads")        # some are EXR
 PIXELS = np.arange(60, dtype=np.uint8).reshape(6, 10) * 4
 
 

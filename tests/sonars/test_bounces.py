@@ -97,7 +97,7 @@ def test_ghosts_do_not_depend_on_threads_or_blocks(variant, monkeypatch, threads
 
 def test_paths_count_in_the_memory_that_a_record_takes(variant, monkeypatch):
     made = scene(2, pings=4)
-    monkeypatch.setattr("mitsonar.survey.limits._memory", lambda: (90 + 13 * 2) * 4 * 2 * 100 + 1)
+    monkeypatch.setattr("mitsonar.survey.limits.memory", lambda: (90 + 13 * 2) * 4 * 2 * 100 + 1)
     with pytest.raises(ValueError, match="4 pings with 2 x 100 bins and 2 paths takes .* fewer pings, bins or bounces"):
         made.integrator().survey(made, made.sensors()[0])
     made = scene(1, pings=4)

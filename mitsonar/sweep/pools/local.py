@@ -10,7 +10,10 @@ import tempfile
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from typing import IO, Any, cast
 
-THREADS = 2                        # default per process: small renders gain most from more processes
+from mitsonar.device.memory import memory
+
+THREADS = 1                        # default per process: as many processes as cores render 1.3 to 1.45 times as fast
+MEMORY = 1e9                       # [bytes], of a process that renders a bed of some million triangles
 MOST_PROCESSES, MOST_THREADS = 1024, 1024
 START = ("import json, sys; sys.path[:] = json.loads(sys.argv[1]); from mitsonar.sweep.pools import worker; "
          "worker.main(int(sys.argv[2]))")
@@ -24,14 +27,13 @@ def cores() -> int:
 def shares(processes: int | None, threads: int | None) -> tuple[int, int]:
     """Return the numbers of processes and of threads per process; by default they share all cores."""
     if processes is None:
-        processes = max(1, cores() // (threads or THREADS))
+        processes = max(1, int(min(cores() // (threads or THREADS), memory() / MEMORY)))
     if not 1 <= processes <= MOST_PROCESSES:
         raise ValueError(f"{processes} processes were asked for; give 1 to {MOST_PROCESSES}")
     if threads is None:
-        threads = max(2, cores() // processes)
-    if not 2 <= threads <= MOST_THREADS:
-        raise ValueError(f"{threads} threads were asked for; give 2 to {MOST_THREADS} (Mitsuba needs two even on "
-                         "one core)")
+        threads = max(1, cores() // processes)
+    if not 1 <= threads <= MOST_THREADS:
+        raise ValueError(f"{threads} threads were asked for; give 1 to {MOST_THREADS}")
     return processes, threads
 
 

@@ -75,12 +75,14 @@ def _do(job, threads):
     import drjit as dr
     import mitsuba as mi
 
-    mi.set_log_level(mi.LogLevel.Error)
-    if dr.thread_count() != threads:
-        dr.set_thread_count(threads)
     from mitsonar import render
     from mitsonar.io.records import exr
-    from mitsonar.scene.loading import load_for_sonar
+    from mitsonar.scene.loading import load_for_sonar, prepare
+
+    mi.set_log_level(mi.LogLevel.Error)
+    prepare()
+    if dr.thread_count() != threads:
+        dr.set_thread_count(threads)
 
     from . import picture_jobs, sounding_jobs
 
