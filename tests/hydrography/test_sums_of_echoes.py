@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mitsonar.hydrography.detection.bottom_track import _summed_rows, in_rows, noise_level, reduced
-from mitsonar.hydrography.detection.side_lobes import SummedEchoes
+from mitsonar.hydrography.detection.side_lobes import mean_between
 from mitsonar.hydrography.detection.windows import windows_about
 
 TIME = 1e-3 + 2e-5 * np.arange(2001)
@@ -33,7 +33,7 @@ def test_a_mean_between_times_is_that_of_their_blocks(rng):
     echoes = reduced(tuple(half[:, :2001] for half in halves(rng)), TIME, 9e-5)
     whole = (echoes.power + echoes.common) / 2
     begin, end = (TIME[0] - 1e-5 + echoes.step * np.array(blocks) for blocks in ([0, 3, 40], [2, 4, 90]))
-    found = SummedEchoes.of(echoes).mean_between(begin + 1e-9, end - 1e-9)
+    found = mean_between(echoes, begin + 1e-9, end - 1e-9)
     for column, (first, last) in enumerate(((0, 2), (3, 4), (40, 90))):
         np.testing.assert_allclose(found[:, column], whole[:, first:last].mean(1), rtol=1e-4, atol=1e-4)
 

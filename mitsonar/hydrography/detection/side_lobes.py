@@ -14,8 +14,6 @@ edge. A weaker bed is indistinguishable from side lobes. The skirt of a main lob
 """
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy import ndimage
 
@@ -26,27 +24,18 @@ AROUND = 5                         # beam widths over which beams decide togethe
 HIGHEST = 0.01                     # of the pattern: nearer side lobes see much the same bed near normal incidence
 
 
-@dataclass(frozen=True, kw_only=True)
-class SummedEchoes:
-    """Running sums over the blocks of J beams."""
-
-    total: np.ndarray  # (J, N) [µPa²], of intensities of the whole beams, up to the end of every block
-    start: float  # [s], begin of the first block
-    step: float  # [s], length of a block
-
-    @classmethod
-    def of(cls, echoes: BottomEchoes) -> SummedEchoes:
-        """Return the sums of a ping's echoes."""
-        whole = (echoes.power + echoes.common) / 2
-        return cls(total=np.cumsum(whole, axis=1, out=whole), start=echoes.start, step=echoes.step)
-
-    def mean_between(self, begin: np.ndarray, end: np.ndarray) -> np.ndarray:
-        """Return the mean intensities (J, B) [µPa²] between times (B,) [s]."""
-        blocks = self.total.shape[1]
-        first = np.clip(((begin - self.start) / self.step).astype(int), 0, blocks - 1)
-        last = np.clip(np.ceil((end - self.start) / self.step).astype(int), first + 1, blocks)
-        before = np.where(first > 0, self.total[:, first - 1], 0.0)
-        return (self.total[:, last - 1].astype(float) - before) / (last - first)
+def mean_between(echoes: BottomEchoes, begin: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Return the mean intensities (J, B) [µPa²] of whole beams between times (B,) [s]."""
+    blocks = echoes.power.shape[1]
+    first = np.clip(((begin - echoes.start) / echoes.step).astype(int), 0, blocks - 1)
+    last = np.clip(np.ceil((end - echoes.start) / echoes.step).astype(int), first + 1, blocks)
+    # sums from one end of a span to the next end of any: some tenths of the blocks
+    edges = np.unique([first, last])
+    pieces = sum(np.add.reduceat(values[:, :edges[-1]], edges[:-1], axis=1) for values in (echoes.power, echoes.common))
+    total = np.zeros((len(pieces), len(edges)))
+    np.cumsum(pieces, axis=1, out=total[:, 1:])
+    sums = total[:, np.searchsorted(edges, last)] - total[:, np.searchsorted(edges, first)]
+    return sums / (2 * (last - first))
 
 
 def through_side_lobes(pattern: np.ndarray, intensity: np.ndarray, share: np.ndarray) -> np.ndarray:

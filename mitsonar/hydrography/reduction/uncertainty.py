@@ -28,7 +28,7 @@ that multiplies an accuracy. σ_t is the travel time over 10^quality where the r
 """
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -37,7 +37,7 @@ import xarray as xr
 from ..detection.amplitude_detection import slopes
 from ..record import check, variable
 
-__all__ = ["Accuracies", "BeamGeometry", "Deviations", "budget", "causes", "with_uncertainty"]
+__all__ = ["Accuracies", "BeamGeometry", "Deviations", "budget", "causes", "uncertainties", "with_uncertainty"]
 
 STEEPEST = 1.0                     # largest fall of the bed that is used
 
@@ -159,10 +159,16 @@ def with_uncertainty(soundings: xr.Dataset, accuracies: Accuracies | None = None
     -------
     xarray.Dataset
     """
-    found = budget(soundings, accuracies or Accuracies(), deviations).values()
-    sums = [np.sqrt(sum(np.square(one[side]) for one in found)) for side in (0, 1)]
-    return soundings.assign(uncertainty=variable("uncertainty", sums[0]),
-                            horizontal_uncertainty=variable("horizontal_uncertainty", sums[1]))
+    check(soundings)
+    return soundings.assign(uncertainties(soundings.variables, accuracies or Accuracies(), deviations))
+
+
+def uncertainties(soundings: Mapping[Hashable, xr.Variable], accuracies: Accuracies,
+                  deviations: Deviations | None) -> dict[str, xr.Variable]:
+    """Return ``uncertainty`` and ``horizontal_uncertainty`` of a record's variables."""
+    found = _budget(soundings, accuracies, deviations).values()
+    return {name: variable(name, np.sqrt(sum(np.square(one[side]) for one in found)))
+            for side, name in enumerate(("uncertainty", "horizontal_uncertainty"))}
 
 
 def budget(soundings: xr.Dataset, accuracies: Accuracies,
@@ -186,6 +192,11 @@ def budget(soundings: xr.Dataset, accuracies: Accuracies,
         If the dataset is not a line of soundings.
     """
     check(soundings)
+    return _budget(soundings.variables, accuracies, deviations)
+
+
+def _budget(soundings: Mapping[Hashable, xr.Variable], accuracies: Accuracies,
+            deviations: Deviations | None) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     valid = soundings["valid"].values
     x, y, h = (np.where(valid, soundings[name].values, np.nan) for name in ("along_track", "across_track", "depth"))
     geometry = BeamGeometry(
@@ -242,7 +253,7 @@ def causes(geometry: BeamGeometry, accuracies: Accuracies, time: np.ndarray | fl
         "arms": (still + accuracies.arms, still + np.sqrt(2) * accuracies.arms)}
 
 
-def _fall(soundings: xr.Dataset) -> np.ndarray:
+def _fall(soundings: Mapping[Hashable, xr.Variable]) -> np.ndarray:
     """Return the fall of the bed to starboard, tan s, (ping, beam), from neighbouring beams; 0 if too few are valid."""
     found = np.zeros(soundings["depth"].shape)
     angles, across, depths = (soundings[name].values.astype(float) for name in ("angle", "across_track", "depth"))
@@ -254,7 +265,7 @@ def _fall(soundings: xr.Dataset) -> np.ndarray:
     return np.clip(found, -STEEPEST, STEEPEST)
 
 
-def _time(soundings: xr.Dataset, accuracies: Accuracies) -> np.ndarray:
+def _time(soundings: Mapping[Hashable, xr.Variable], accuracies: Accuracies) -> np.ndarray:
     """Return the standard deviation of detection [s]: (ping, beam)."""
     given = np.full(soundings["depth"].shape, accuracies.time)
     if "quality" not in soundings:
@@ -263,7 +274,7 @@ def _time(soundings: xr.Dataset, accuracies: Accuracies) -> np.ndarray:
     return np.where(np.isfinite(quality), soundings["travel_time"].values * 10.0**-quality, given)
 
 
-def _rates(soundings: xr.Dataset) -> list[np.ndarray]:
+def _rates(soundings: Mapping[Hashable, xr.Variable]) -> list[np.ndarray]:
     """Return the rates of roll, pitch and heave, and the speed over ground, at every ping (ping,)."""
     time, when = soundings["motion_time"].values, soundings["ping_time"].values
     if time.size < 2:

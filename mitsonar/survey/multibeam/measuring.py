@@ -8,7 +8,7 @@ import numpy as np
 from mitsonar.device.turns import workers_ended
 from mitsonar.hydrography.detection.bottom_track import BottomEchoes, reduced
 from mitsonar.hydrography.detection.detection import Detections, Head, detect
-from mitsonar.hydrography.detection.side_lobes import SummedEchoes, of_main_lobes, through_side_lobes
+from mitsonar.hydrography.detection.side_lobes import mean_between, of_main_lobes, through_side_lobes
 from mitsonar.signal.matched_filtering import compression
 from mitsonar.units import power_from_db
 
@@ -88,7 +88,6 @@ class SwathBeams:
         another sector's beams look. Detection also takes slopes at the edge of a bed from the beams beyond the edge: a
         sector with such beams is detected once more, without them.
         """
-        echoes = [SummedEchoes.of(one) for one in sums]
         sectors = self._sectors.at(ping)
         level = [sector.survey.source_level_db for sector in sectors]
         checked = []
@@ -96,7 +95,7 @@ class SwathBeams:
             sines, time = sector.run.sines[ping], sector.time
             begin, end = time[found.begin], time[np.maximum(found.end - 1, found.begin)]
             brought = np.zeros(len(sines))
-            between = [echo.mean_between(begin, end) for echo in echoes]
+            between = [mean_between(echoes, begin, end) for echoes in sums]
             for other, source in enumerate(sectors):
                 others = source.run.sines[ping]
                 intensity = between[other] * power_from_db(level[number] - level[other])

@@ -34,7 +34,7 @@ from mitsonar.hydrography.reduction.attitude import PlatformMotion
 from mitsonar.hydrography.reduction.errors import Reduction, errors
 from mitsonar.hydrography.reduction.motion_errors import MotionErrors, SensedMotion
 from mitsonar.hydrography.reduction.reduction import Installation, Located, Measured
-from mitsonar.hydrography.reduction.uncertainty import Accuracies, Deviations, with_uncertainty
+from mitsonar.hydrography.reduction.uncertainty import Accuracies, Deviations, uncertainties
 from mitsonar.io.tracks.tides import Tide
 from mitsonar.scene.geometry import Geometry
 from mitsonar.scene.materials import scattering_strength
@@ -210,9 +210,10 @@ class SoundingLine(Generic[MeasurementT]):
             "across_track": final.across_track, "along_track": final.along_track, "grazing": final.grazing,
             **finding.variables, **causes.variables(), "label": bed.label,
             "true_backscatter_db": db_from_power(np.maximum(bed.strength, 1e-30))}
-        variables = {name: variable(name, np.asarray(value)[None]) for name, value in values.items()}
-        soundings = xr.Dataset({**self._line.variables, **variables}, coords={"ping": [ping]}, attrs=self._line.attrs)
-        return with_uncertainty(soundings, self._accuracies, finding.deviations)
+        variables = {**self._line.variables,
+                     **{name: variable(name, np.asarray(value)[None]) for name, value in values.items()}}
+        variables |= uncertainties(variables, self._accuracies, finding.deviations)
+        return xr.Dataset(variables, coords={"ping": [ping]}, attrs=self._line.attrs)
 
     def _cast(self, ping: int, level: float) -> SoundSpeedProfile:
         """Return the cast in use at a ping, below a water level [m]."""
