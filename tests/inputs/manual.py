@@ -24,7 +24,7 @@ BLOCK = re.compile(r"^(?:<!-- (?P<mark>not run|file): (?P<said>.+?) -->\n+)?"
 DRAWINGS = ("", "text")            # what no program reads
 # of scenes that take seconds with the parameters of their pages; a command has these in place of its own
 COARSE = {"sidescan_wreck": ["bed_spacing=0.5", "ripple_wavelength=2.4", "stone_scour=0"], "gallery": ["rays=10000"],
-          "sector_scan": ["pings=30"], "swimmers": ["pings=2"], "multibeam": ["range=45"], "echo_sounder": ["pings=8"]}
+          "sector_scan": ["pings=15"], "swimmers": ["pings=2"], "multibeam": ["range=45"], "echo_sounder": ["pings=8"]}
 FEW = {"pings": 20, "rays": 5000}  # of a plan: at most
 
 
@@ -109,7 +109,8 @@ def few(plan: str) -> str:
 
 def run(page: Path) -> None:
     """Run a page's blocks in order, in a new folder below the current one; print the line of each block first."""
-    from mitsonar.__main__ import main
+    from kept_processes import kept_processes
+
     from mitsonar.cli import rendering
     from mitsonar.sweep import estimate
 
@@ -119,6 +120,14 @@ def run(page: Path) -> None:
     folder.mkdir()
     os.chdir(folder)
     Path("scenes").symlink_to(ROOT / "scenes")
+    with kept_processes():
+        run_blocks(page)
+
+
+def run_blocks(page: Path) -> None:
+    """Run a page's blocks in the current folder."""
+    from mitsonar.__main__ import main
+
     for block in blocks(page.read_text(encoding="utf-8")):
         if block.not_run:
             continue
