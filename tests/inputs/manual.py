@@ -25,7 +25,7 @@ DRAWINGS = ("", "text")            # what no program reads
 # of scenes that take seconds with the parameters of their pages; a command has these in place of its own
 COARSE = {"sidescan_wreck": ["bed_spacing=0.5", "ripple_wavelength=2.4", "stone_scour=0"], "gallery": ["rays=10000"],
           "sector_scan": ["pings=15"], "swimmers": ["pings=2"], "multibeam": ["range=45"], "echo_sounder": ["pings=8"]}
-FEW = {"pings": 20, "rays": 5000}  # of a plan: at most
+FEW = {"pings": 20, "rays": 5000}  # of a plan or a command: at most
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,7 +93,8 @@ def links(text: str) -> list[str]:
 
 
 def shortened(words: list[str]) -> list[str]:
-    """Return the words of a command with the coarse parameters of its scene."""
+    """Return the words of a command with few pings and rays, and the coarse parameters of its scene."""
+    words = [few(word) for word in words]
     for parameter in COARSE.get(words[1], []) if words[0] in ("render", "soundings") else []:
         name = parameter.partition("=")[0]
         own = next((place for place, word in enumerate(words) if word.startswith(f"{name}=")), None)
@@ -101,9 +102,9 @@ def shortened(words: list[str]) -> list[str]:
     return words
 
 
-def few(plan: str) -> str:
-    """Return the text of a plan with few pings and rays."""
-    return re.sub(r"^(pings|rays) = (\d+)", lambda found: f"{found[1]} = {min(int(found[2]), FEW[found[1]])}", plan,
+def few(text: str) -> str:
+    """Return the text of a plan, or a word of a command, with few pings and rays."""
+    return re.sub(r"^((pings|rays) ?= ?)(\d+)", lambda found: f"{found[1]}{min(int(found[3]), FEW[found[2]])}", text,
                   flags=re.M)
 
 
