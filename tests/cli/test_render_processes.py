@@ -21,9 +21,9 @@ from mitsonar.verbs.images import rendered
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
 SMALL = {"pings": 3, "rays": 4000, "bins": 120, "elements": 8, "beams": 16}
 # shipped scenes of every kind whose pings can be shared; that of moving swimmers has other surroundings at each ping
-SHARED = {"sidescan_targets": {"rays": 400_000, "pings": 5}, "forward_looking": {}, "swimmers": {"range": 8},
+SHARED = {"sidescan_targets": {"pings": 33}, "forward_looking": {}, "swimmers": {"range": 8},
           "echo_sounder": {}, "interferometric": {}, "multibeam": {"preset": "shallow_400khz", "range": 30, "pings": 2},
-          "sidescan_survey": {"range": 50, "rays": 2000, "pings": 40}}
+          "sidescan_survey": {"range": 50, "rays": 2000, "pings": 33}}
 SLOW = "sidescan_targets", "multibeam"
 LONG = 'name="pings" value="$pings"', 'name="pings" value="50000"/> <float name="speed_knots" value="0"'
 

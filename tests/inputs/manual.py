@@ -24,8 +24,8 @@ BLOCK = re.compile(r"^(?:<!-- (?P<mark>not run|file): (?P<said>.+?) -->\n+)?"
 DRAWINGS = ("", "text")            # what no program reads
 # of scenes that take seconds with the parameters of their pages; a command has these in place of its own
 COARSE = {"sidescan_wreck": ["bed_spacing=0.5", "ripple_wavelength=2.4", "stone_scour=0"], "gallery": ["rays=10000"],
-          "sector_scan": ["pings=30"], "swimmers": ["pings=2"], "multibeam": ["range=45"], "echo_sounder": ["pings=8"]}
-FEW = {"pings": 20, "rays": 5000}  # of a plan: at most
+          "sector_scan": ["pings=15"], "swimmers": ["pings=2"], "multibeam": ["range=45"], "echo_sounder": ["pings=8"]}
+FEW = {"pings": 20, "rays": 5000}  # of a plan or a command: at most
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,7 +93,8 @@ def links(text: str) -> list[str]:
 
 
 def shortened(words: list[str]) -> list[str]:
-    """Return the words of a command with the coarse parameters of its scene."""
+    """Return the words of a command with few pings and rays, and the coarse parameters of its scene."""
+    words = [few(word) for word in words]
     for parameter in COARSE.get(words[1], []) if words[0] in ("render", "soundings") else []:
         name = parameter.partition("=")[0]
         own = next((place for place, word in enumerate(words) if word.startswith(f"{name}=")), None)
@@ -101,15 +102,16 @@ def shortened(words: list[str]) -> list[str]:
     return words
 
 
-def few(plan: str) -> str:
-    """Return the text of a plan with few pings and rays."""
-    return re.sub(r"^(pings|rays) = (\d+)", lambda found: f"{found[1]} = {min(int(found[2]), FEW[found[1]])}", plan,
+def few(text: str) -> str:
+    """Return the text of a plan, or a word of a command, with few pings and rays."""
+    return re.sub(r"^((pings|rays) ?= ?)(\d+)", lambda found: f"{found[1]}{min(int(found[3]), FEW[found[2]])}", text,
                   flags=re.M)
 
 
 def run(page: Path) -> None:
     """Run a page's blocks in order, in a new folder below the current one; print the line of each block first."""
-    from mitsonar.__main__ import main
+    from kept_processes import kept_processes
+
     from mitsonar.cli import rendering
     from mitsonar.sweep import estimate
 
@@ -119,6 +121,14 @@ def run(page: Path) -> None:
     folder.mkdir()
     os.chdir(folder)
     Path("scenes").symlink_to(ROOT / "scenes")
+    with kept_processes():
+        run_blocks(page)
+
+
+def run_blocks(page: Path) -> None:
+    """Run a page's blocks in the current folder."""
+    from mitsonar.__main__ import main
+
     for block in blocks(page.read_text(encoding="utf-8")):
         if block.not_run:
             continue

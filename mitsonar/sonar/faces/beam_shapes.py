@@ -78,6 +78,7 @@ def half_power(window: str = "boxcar", sag: float = 0.0) -> float:
     return _half_power(window, float(sag))
 
 
+@functools.lru_cache(maxsize=64)
 def line_shape(size: float, *, window: str = "boxcar", sag: float = 0.0, floor: float = 0.0,
                shielded: bool = False) -> BeamShape:
     """Return the beam of a line."""
@@ -86,7 +87,9 @@ def line_shape(size: float, *, window: str = "boxcar", sag: float = 0.0, floor: 
         return BeamShape(floor=floor, shielded=shielded)
     steps = max(FEWEST_STEPS, int(np.ceil(STEPS_PER_LOBE * size)))
     half = _line(np.linspace(0, size, steps + 1), window, sag, max(SEGMENTS, int(np.ceil(2 * size))))
-    return BeamShape(table=np.concatenate([half[:0:-1], half]), floor=floor, shielded=shielded)
+    table = np.concatenate([half[:0:-1], half])
+    table.flags.writeable = False                  # of all that ask for the same beam
+    return BeamShape(table=table, floor=floor, shielded=shielded)
 
 
 def measured_shape(angle: np.ndarray, level_db: np.ndarray) -> tuple[BeamShape, float]:

@@ -11,6 +11,7 @@ own record, fainter (`imaging.recorder`).
 """
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -92,19 +93,33 @@ class Sidescan:
 
     def solid_angle(self) -> float:
         """Integrate the two-way equivalent beam ∫ b_t² b_r² dΩ of one face [sr]."""
-        return self._over_directions(self.along_intensity, self.across_intensity)
+        return _solid_angle(self)
 
     def directivity_index_db(self) -> float:
         """Return the receive directivity index 10 log 4π/∫ b_r² dΩ [dB], against isotropic noise."""
-        beam = self._over_directions(lambda u: self.receive.along(u, self.wavelength) ** 2,
-                                     lambda v: self.receive.across(v, self.wavelength) ** 2)
-        return float(10 * np.log10(4 * np.pi / beam))
+        return float(10 * np.log10(4 * np.pi / _receiving_solid_angle(self)))
 
-    def _over_directions(self, along: Callable[[Numbers], Numbers], across: Callable[[Numbers], Numbers]) -> float:
-        """Integrate along(u) across(v) du dφ over the half space of a face, v = sqrt(1 - u²) sin(φ - depression)."""
-        phi = np.linspace(-np.pi / 2, np.pi / 2, 8001) - self.depression_angle
-        sine = np.sin(phi)
-        w = np.linspace(0, 1, 129)
-        ring = [np.trapezoid(across(root * sine), phi) for root in w]                # smooth in w = sqrt(1 - u²)
-        u = np.linspace(-1, 1, 200001)
-        return float(np.trapezoid(along(u) * np.interp(np.sqrt(1 - u * u), w, ring), u))
+
+# Integrals take longer than many a render; scenes that follow one another mostly have the same sonar.
+@lru_cache(maxsize=16)
+def _solid_angle(sonar: Sidescan) -> float:
+    """Integrate ∫ b_t² b_r² dΩ."""
+    return _over_directions(sonar.along_intensity, sonar.across_intensity, sonar.depression_angle)
+
+
+@lru_cache(maxsize=16)
+def _receiving_solid_angle(sonar: Sidescan) -> float:
+    """Integrate ∫ b_r² dΩ."""
+    return _over_directions(lambda u: sonar.receive.along(u, sonar.wavelength) ** 2,
+                            lambda v: sonar.receive.across(v, sonar.wavelength) ** 2, sonar.depression_angle)
+
+
+def _over_directions(along: Callable[[Numbers], Numbers], across: Callable[[Numbers], Numbers],
+                     depression_angle: float) -> float:
+    """Integrate along(u) across(v) du dφ over the half space of a face, v = sqrt(1 - u²) sin(φ - depression)."""
+    phi = np.linspace(-np.pi / 2, np.pi / 2, 8001) - depression_angle
+    sine = np.sin(phi)
+    w = np.linspace(0, 1, 129)
+    ring = [np.trapezoid(across(root * sine), phi) for root in w]                    # smooth in w = sqrt(1 - u²)
+    u = np.linspace(-1, 1, 200001)
+    return float(np.trapezoid(along(u) * np.interp(np.sqrt(1 - u * u), w, ring), u))

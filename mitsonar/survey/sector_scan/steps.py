@@ -31,7 +31,7 @@ from mitsonar.imaging.sidescan import mean_intensity
 from mitsonar.scene.tracing.launch import CELLS, along_quantiles, draw, first_quantiles, refine_quantiles
 from mitsonar.signal.gates import pulse_shares
 from mitsonar.signal.matched_filtering import compression
-from mitsonar.sonar.faces.beam_shapes import BeamShape
+from mitsonar.sonar.faces.beam_shapes import line_shape
 from mitsonar.sonar.faces.directivity import Aperture
 from mitsonar.sonar.faces.sidescan import Sidescan
 
@@ -56,7 +56,9 @@ COHERENT_PER_BLOCK = 32            # pings whose coherent echoes are summed toge
 
 def face_of(survey: ArraySurvey) -> Sidescan:
     """Return the face and the pulse of a head, as those of a sidescan's side that looks along the beam."""
-    transmit, receive = (Aperture(length=array.length, height=array.height, across_shape=BeamShape(floor=array.floor))
+    wavelength = survey.planned_speed / survey.frequency
+    transmit, receive = (Aperture(length=array.length, height=array.height,
+                                  across_shape=line_shape(array.height / wavelength, floor=array.floor))
                          for array in (survey.transmit, survey.receive))
     return Sidescan(frequency=survey.frequency, source_level_db=survey.source_level_db,
                     pulse_length=compression(survey.pulse, survey.sampling_rate)[0],
