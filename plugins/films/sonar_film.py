@@ -18,6 +18,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from mitsonar.device.turns import at_least_two_threads
 from mitsonar.units import hertz_from_khz
 
 from ..attributes import Attributes, Integer, Number
@@ -108,7 +109,8 @@ class SonarFilm(mi.Film):
         return mi.Bitmap(self.develop(raw), mi.Bitmap.PixelFormat.Y)
 
     def write(self, path: str | os.PathLike) -> None:
-        self.bitmap().write(str(path))
+        with at_least_two_threads():
+            self.bitmap().write(str(path))
 
     def schedule_storage(self) -> None:
         if self.image is not None:

@@ -50,7 +50,7 @@ def test_too_many_samples(film):
         film(sample_rate_khz=8000.0).window(C)
 
 
-def test_picture_for_mitsuba(film, tmp_path):
+def test_picture_for_mitsuba(film, tmp_path, two_threads):
     import mitsuba as mi
 
     made = film(bins=3)
