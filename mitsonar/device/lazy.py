@@ -5,6 +5,7 @@ This module uses only the standard library, since `mitsonar` itself is such a pa
 from __future__ import annotations
 
 import ast
+import atexit
 import contextlib
 import functools
 import gc
@@ -24,27 +25,39 @@ _first_use = threading.RLock()
 
 
 _of_command = False                # True in a process of mitsonar's own
+_starting = False                  # True there until `end_start`
 
 
 def begin_command(objects: int = 200_000) -> None:
     """Make the start of a command quick, in a process of its own, where nobody else minds.
 
     The first collection of garbage is put off until there are so many objects, more than the start makes, and what it
-    made is not looked through again; then collections are as usual. xarray is imported when it is used, and Dask only
-    where Dask is in use. SciPy leaves alone what it only passes on or documents, and pandas PyArrow.
+    made is not looked through again; then collections are as usual, but for the one at the end of the process. xarray
+    is imported when it is used, and Dask only where Dask is in use. SciPy leaves alone what it only passes on or
+    documents, and pandas PyArrow.
     """
-    global _of_command
-    _of_command, usual = True, gc.get_threshold()
+    global _of_command, _starting
+    _of_command, _starting, usual = True, True, gc.get_threshold()
 
     def go_on(phase: str, info: dict[str, int]) -> None:
+        end_start()
         if phase == "stop":
             gc.callbacks.remove(go_on)
             gc.freeze()
             gc.set_threshold(*usual)
 
     gc.callbacks.append(go_on)
+    atexit.register(gc.freeze)
     gc.set_threshold(objects, *usual[1:])
     sys.meta_path.insert(0, _UsedAlone)
+
+
+def end_start() -> None:
+    """Keep what a command's start has made out of collections: a look through it takes a tenth of a second."""
+    global _starting
+    if _starting:                      # later there may be garbage, which would stay for good
+        _starting = False
+        gc.freeze()
 
 
 class _UsedAlone:
