@@ -63,7 +63,8 @@ def _compile_methods_when_called() -> None:
 
     Before Python 3.13 each method is compiled by itself, from its text; later all of a class together.
     """
-    compiled: Callable[..., Any] | None = getattr(dataclasses, "_create_fn", None)
+    module: Any = dataclasses
+    compiled: Callable[..., Any] | None = getattr(module, "_create_fn", None)
     if compiled is None:
         return
 
@@ -78,7 +79,7 @@ def _compile_methods_when_called() -> None:
         called.__name__ = name
         return called
 
-    vars(dataclasses)["_create_fn"] = put_off
+    module._create_fn = put_off
 
 
 def end_start() -> None:

@@ -13,6 +13,7 @@ from typing import Any
 import h5py
 import numpy as np
 import xarray as xr
+from xarray import conventions
 
 __all__ = ["Group", "conventional"]
 
@@ -22,7 +23,7 @@ SHADOWED = "_nc4_non_coord_"       # before the name of a variable that has the 
 
 def conventional(dataset: xr.Dataset) -> tuple[Mapping[Any, xr.Variable], Mapping[Any, Any]]:
     """Return the variables and attributes of a dataset as xarray writes them to netCDF files."""
-    return xr.conventions.cf_encoder(*xr.conventions.encode_dataset_coordinates(dataset))
+    return conventions.cf_encoder(*conventions.encode_dataset_coordinates(dataset))
 
 
 class Group:
