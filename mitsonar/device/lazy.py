@@ -5,7 +5,9 @@ This module uses only the standard library, since `mitsonar` itself is such a pa
 from __future__ import annotations
 
 import ast
+import atexit
 import contextlib
+import dataclasses
 import functools
 import gc
 import importlib
@@ -24,27 +26,69 @@ _first_use = threading.RLock()
 
 
 _of_command = False                # True in a process of mitsonar's own
+_starting = False                  # True there until `end_start`
 
 
 def begin_command(objects: int = 200_000) -> None:
     """Make the start of a command quick, in a process of its own, where nobody else minds.
 
     The first collection of garbage is put off until there are so many objects, more than the start makes, and what it
-    made is not looked through again; then collections are as usual. xarray is imported when it is used, and Dask only
-    where Dask is in use. SciPy leaves alone what it only passes on or documents, and pandas PyArrow.
+    made is not looked through again; then collections are as usual, but for the one at the end of the process. xarray
+    is imported when it is used, and Dask only where Dask is in use. SciPy leaves alone what it only passes on or
+    documents, and pandas PyArrow.
     """
-    global _of_command
-    _of_command, usual = True, gc.get_threshold()
+    global _of_command, _starting
+    _of_command, _starting, usual = True, True, gc.get_threshold()
+    looked = False
 
     def go_on(phase: str, info: dict[str, int]) -> None:
-        if phase == "stop":
+        nonlocal looked
+        if phase == "start":
+            looked = not _starting
+            end_start()                # nothing is left to look through
+        elif looked:
             gc.callbacks.remove(go_on)
             gc.freeze()
             gc.set_threshold(*usual)
 
     gc.callbacks.append(go_on)
+    atexit.register(gc.freeze)
     gc.set_threshold(objects, *usual[1:])
     sys.meta_path.insert(0, _UsedAlone)
+    _compile_methods_when_called()
+
+
+def _compile_methods_when_called() -> None:
+    """Let dataclasses compile methods that most of them never need when they are first called: a fifteenth of a second.
+
+    Before Python 3.13 each method is compiled by itself, from its text; later all of a class together.
+    """
+    module: Any = dataclasses
+    compiled: Callable[..., Any] | None = getattr(module, "_create_fn", None)
+    if compiled is None:
+        return
+
+    def put_off(name: str, *text: Any, **options: Any) -> Callable[..., Any]:
+        if name not in ("__repr__", "__eq__", "__hash__", "__setattr__", "__delattr__"):
+            return compiled(name, *text, **options)
+        method = functools.cache(lambda: compiled(name, *text, **options))
+
+        def called(*arguments: Any) -> Any:
+            return method()(*arguments)
+
+        called.__name__ = name
+        return called
+
+    module._create_fn = put_off
+
+
+def end_start() -> None:
+    """Keep what a command's start has made out of collections: a look through it takes a tenth of a second."""
+    global _starting
+    if _starting:                      # later there may be garbage, which would stay for good
+        _starting = False
+        gc.freeze()
+        gc.set_threshold(gc.get_threshold()[0] // 2, *gc.get_threshold()[1:])
 
 
 class _UsedAlone:

@@ -11,6 +11,7 @@ from xml.etree import ElementTree
 import mitsuba as mi
 
 from mitsonar.device.files import FilePath, check_readable
+from mitsonar.device.lazy import end_start
 from mitsonar.device.sentences import shortened
 from mitsonar.device.spelling import meant
 from mitsonar.device.turns import TURN, at_least_two_threads
@@ -92,6 +93,7 @@ def load_for_sonar(path: FilePath, /, **parameters: object) -> mi.Scene:
     """
     with TURN, without_trees() as beds:
         scene = _loaded(path, parameters)
+    end_start()
     shapes = scene.shapes()
     # a bed within another object, such as a group, is found by its tree only
     return scene if all(any(shape is bed for shape in shapes) for bed in beds) else load_file(path, **parameters)

@@ -46,9 +46,14 @@ def store(pings_from: PingsFrom, count: int, output: FilePath, *, place: Place |
     """
     part = ping_file.part_of(files.check_writable(output))
 
+    firsts: list[xr.Dataset] = []
+
+    def check(first: xr.Dataset) -> None:
+        survey_lines.check_asked(place, start, first)
+        firsts[:] = [first]
+
     def fill() -> int:
-        return ping_file.fill(pings_from, part, count=count, progress=progress,
-                              check=lambda first: survey_lines.check_asked(place, start, first))
+        return ping_file.fill(pings_from, part, count=count, progress=progress, check=check)
 
     try:
         first = fill()
@@ -58,7 +63,7 @@ def store(pings_from: PingsFrom, count: int, output: FilePath, *, place: Place |
         part.unlink()
         first = fill()
     files.clear_left(output)
-    written = survey_lines.write(survey_lines.stored(part), output, place=place, start=start)
+    written = survey_lines.write(survey_lines.stored(part, firsts[0]), output, place=place, start=start)
     part.unlink()
     return first, written
 

@@ -24,7 +24,7 @@ import xarray as xr
 from mitsonar.device.files import FULL, replacing
 
 from .netcdf import BESIDE, WRITTEN, packing
-from .records import ENGINE, JSON, encoded, plain_value
+from .records import JSON, encoded, plain_value
 from .self_contained import DataElsewhere, check_hdf5
 
 RUN = "run"                        # attribute: a digest of everything that the pings have in common
@@ -81,34 +81,33 @@ def fill(pings_from: Callable[[int], Iterator[xr.Dataset]], path: Path, *, count
 
 def lay_out(path: Path, first: xr.Dataset, count: int) -> None:
     """Make the file with room for all pings and none of them, completely or not at all."""
-    import h5netcdf
     import h5py
+
+    from . import netcdf4
 
     names = _moving(first)
     still = first.drop_vars(names)
     coords = [str(name) for name in names if name in first.coords and name != "ping"]
-    still = still.assign_attrs({**first.attrs, RUN: _digest(first), BESIDE: json.dumps([RUN])})
+    packed = packing(still)
+    variables, attrs = netcdf4.conventional(still.assign_attrs({
+        **first.attrs, RUN: _digest(first), BESIDE: json.dumps([RUN])}))
+    if coords:
+        attrs = {**attrs, "coordinates": " ".join([*attrs.get("coordinates", "").split(), *coords])}
     early = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
     early.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
     early.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
-    with _alone(path), replacing(path, anew=True) as temporary:
-        still.to_netcdf(temporary, engine=ENGINE, encoding=packing(still))
-        with h5netcdf.File(temporary, "r+") as file:
-            for name, size in first.sizes.items():
-                if name not in file.dimensions:
-                    file.dimensions[str(name)] = count if name == "ping" else size
-            for name in names:
-                variable = first.variables[name]
-                dtype = _stored(variable)
-                stored = file.create_variable(str(name), variable.dims, dtype, dcpl=early.copy())
-                attrs = variable.attrs if dtype == variable.dtype else {**variable.attrs, "dtype": "bool"}
-                for key, value in attrs.items():
-                    stored.attrs[key] = value
-            counter = file.create_variable(WRITTEN, (), np.dtype(np.int64), dcpl=early.copy())
-            counter[...] = 0
-            counter.attrs["long_name"] = "pings that are whole, from the first on"
-            if coords:
-                file.attrs["coordinates"] = " ".join([*file.attrs.get("coordinates", "").split(), *coords])
+    with _alone(path), replacing(path, anew=True) as temporary, h5py.File(temporary, "w", track_order=True) as file:
+        root = netcdf4.Group(file)
+        root.set_attributes(attrs)
+        for name, variable in variables.items():
+            root.put(str(name), variable.dims, variable.values, variable.attrs, packed.get(str(name)))
+        for name in names:
+            variable = first.variables[name]
+            dtype = _stored(variable)
+            root.lay_out(str(name), variable.dims, (count, *variable.shape[1:]), dtype, variable.attrs if
+                         dtype == variable.dtype else {**variable.attrs, "dtype": "bool"}, dcpl=early.copy())
+        root.put(WRITTEN, (), np.array(0), {"long_name": "pings that are whole, from the first on"})
+        root.set_dimensions()
 
 
 @contextlib.contextmanager

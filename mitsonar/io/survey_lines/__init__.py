@@ -122,21 +122,19 @@ def check_asked(place: Place | None, start: str | None, first: xr.Dataset | None
         lines.line_of(first, place=place, start=start)
 
 
-def stored(path: FilePath) -> Iterator[xr.Dataset]:
-    """Yield the pings of a line stored ping by ping (`io.ping_file`), one a block; raises as `read_blocks`."""
-    from ..records import netcdf
+def stored(path: FilePath, like: xr.Dataset) -> Iterator[xr.Dataset]:
+    """Yield the pings of a line stored ping by ping (`io.records.ping_file`) in blocks; ``like`` is one of them."""
+    import h5py
 
-    with netcdf.opened(path, unfinished=True) as record:
-        for values in record.variables.values():       # read once, not for every ping
-            if "ping" not in values.dims:
-                values.load()
-        pings = record.sizes["ping"]
-        size = sum(values.nbytes for values in record.variables.values() if "ping" in values.dims) // max(pings, 1)
-        step = max(1, min(BLOCK, BLOCK_BYTES // max(size, 1)))
-        for start in range(0, pings, step):
-            block = record.isel(ping=slice(start, start + step)).load()
-            for number in range(block.sizes["ping"]):
-                yield block.isel(ping=slice(number, number + 1))
+    moving = {str(name): variable for name, variable in like.variables.items() if "ping" in variable.dims}
+    size = max(1, sum(variable.nbytes for variable in moving.values()))
+    step = max(1, min(BLOCK, BLOCK_BYTES // size))
+    with h5py.File(path) as file:
+        for start in range(0, len(file["ping"]), step):
+            values = {name: (variable.dims, file[name][start:start + step].astype(variable.dtype, copy=False),
+                             variable.attrs) for name, variable in moving.items()}
+            coords = {name: values.pop(name) for name in moving if name in like.coords}
+            yield like.drop_vars(list(moving)).assign(values).assign_coords(coords)
 
 
 def sources(path: FilePath) -> tuple[str, ...]:

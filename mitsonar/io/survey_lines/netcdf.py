@@ -20,7 +20,6 @@ import os
 from pathlib import Path
 from typing import Any
 
-import h5netcdf
 import h5py
 import numpy as np
 import xarray as xr
@@ -29,7 +28,8 @@ from mitsonar.device.files import FilePath, replacing
 from mitsonar.device.rotations import mounted
 from mitsonar.version import __version__
 
-from ..records.netcdf import BESIDE, full_disk_told, has_room, packing, store
+from ..records.netcdf import BESIDE, full_disk_told, has_room, packing
+from ..records.netcdf4 import Group, conventional
 from ..records.records import encoded
 from .lines import Blocks, LineToWrite, Place, Written, line_of
 from .passage import passage_of
@@ -39,7 +39,6 @@ VERSION = "2.0"
 TIME = "nanoseconds since 1970-01-01 00:00:00Z"
 RECEIVE_ONLY, TRANSMIT_ONLY = 0, 1
 CHUNK_BYTES, CHUNK_PINGS = 1 << 18, 512
-_SHADOWED = "_nc4_non_coord_"             # before the name of a variable that has the name of a dimension
 
 
 def root_attributes(line: LineToWrite) -> dict[str, str]:
@@ -49,41 +48,36 @@ def root_attributes(line: LineToWrite) -> dict[str, str]:
             "sonar_convention_version": VERSION, "summary": line.provenance()}
 
 
-def _put(group: h5netcdf.Group, name: str, dims: tuple[str, ...], values: Any, units: str = "",
-         about: str = "") -> None:
-    values = np.asarray(values)
-    variable = group.create_variable(name, dims, values.dtype, data=values)
-    for key, text in (("units", units), ("long_name", about)):
-        if text:
-            variable.attrs[key] = text
+def _put(group: Group, name: str, dims: tuple[str, ...], values: Any, units: str = "", about: str = "") -> None:
+    group.put(name, dims, np.asarray(values), {
+        key: text for key, text in (("units", units), ("long_name", about)) if text})
 
 
 def _nanoseconds(since: np.ndarray) -> np.ndarray:
     return np.rint(np.asarray(since, float) * 1e9).astype(np.int64)
 
 
-def _environment(file, line, passage):
-    group = file.create_group("Environment")
+def _environment(root, line, passage):
+    group = root.group("Environment")
     sectors, lost = line.array("sector_frequency")[0], line.array("sector_absorption_db")[0]
     frequency = np.unique(sectors)
     absorption = [float(lost[(sectors == value) | (np.isnan(sectors) & np.isnan(value))].mean()) for value in frequency]
-    group.dimensions["frequency"] = frequency.size
     _put(group, "frequency", ("frequency",), frequency, "Hz", "acoustic frequency")
     _put(group, "absorption_indicative", ("frequency",), np.array(absorption), "dB/m", "indicative acoustic absorption")
     _put(group, "sound_speed_indicative", (), float(line.array("head_sound_speed")[0]), "m/s",
          "indicative sound speed")
-    cast = group.create_group("Sound_speed_profile")
+    group.set_dimensions()
+    cast = group.group("Sound_speed_profile")
     _put(cast, "sample_depth", ("node",), line.array("cast_depth"), "m", "depth of the samples")
     _put(cast, "sound_speed", ("node",), line.array("cast_sound_speed"), "m/s", "sound speed")
     _put(cast, "time", (), _nanoseconds(passage.time[:1])[0], TIME, "time of the profile")
     _put(cast, "latitude", (), float(passage.latitude[0]), "degrees_north", "latitude of the profile")
     _put(cast, "longitude", (), float(passage.longitude[0]), "degrees_east", "longitude of the profile")
+    cast.set_dimensions()
 
 
-def _platform(file, line, passage):
-    group = file.create_group("Platform")
-    group.attrs["platform_name"], group.attrs["platform_type"] = "simulated", "ship"
-    group.dimensions["transducer"] = 2
+def _platform(root, line, passage):
+    group = root.group("Platform", {"platform_name": "simulated", "platform_type": "ship"})
     for index, axis in enumerate("xyz"):
         _put(group, f"transducer_offset_{axis}", ("transducer",),
              [line.array("transmit_offset")[index], line.array("receive_offset")[index]], "m",
@@ -96,10 +90,9 @@ def _platform(file, line, passage):
     _put(group, "transducer_function", ("transducer",), np.array([TRANSMIT_ONLY, RECEIVE_ONLY], np.int8), "",
          "0 receives only, 1 transmits only")
     _put(group, "water_level", (), -passage.draught, "m", "of the still surface from the platform's origin, down")
-    attitude = group.create_group("Attitude").create_group("001")
-    position = group.create_group("Position").create_group("001")
+    group.set_dimensions()
+    attitude, position = group.group("Attitude").group("001"), group.group("Position").group("001")
     for sensor in (attitude, position):
-        sensor.dimensions["time"] = passage.time.size
         _put(sensor, "time", ("time",), _nanoseconds(passage.time), TIME, "time of the sample")
     for name, values, about in (("roll", passage.roll, "starboard down"), ("pitch", passage.pitch, "bow up"),
                                 ("heading", passage.heading % (2 * np.pi), "from true north")):
@@ -112,38 +105,40 @@ def _platform(file, line, passage):
                                 ("speed_over_ground", np.hypot(north, east), "m/s"),
                                 ("course_over_ground", np.degrees(np.arctan2(east, north)) % 360.0, "degrees")):
         _put(position, name, ("time",), values, units)
+    attitude.set_dimensions()
+    position.set_dimensions()
 
 
-def _sonar(file, line):
-    sonar = file.create_group("Sonar")
-    for name, text in (("manufacturer", "simulated"), ("model", line.sonar), ("serial_number", "none"),
-                       ("software_name", "mitsonar"), ("software_version", __version__), ("type", "multibeam sonar")):
-        sonar.attrs[f"sonar_{name}"] = text
-    group = sonar.create_group("Beam_group1")
+def _sonar(root, file, line):
+    texts = (("manufacturer", "simulated"), ("model", line.sonar), ("serial_number", "none"),
+             ("software_name", "mitsonar"), ("software_version", __version__), ("type", "multibeam sonar"))
+    sonar = root.group("Sonar", {f"sonar_{name}": text for name, text in texts})
+    group = sonar.group("Beam_group1", {"beam_mode": "vertical"})
     _ship(file, line, group)
-    columns = "column_angle" in file.variables
+    columns = "column_angle" in file
     beam = "column_beam" if columns else "beam"
-    angle = file.variables["column_angle" if columns else "angle"][:]
+    angle = file["column_angle" if columns else "angle"][:]
     _put(group, "rx_beam_rotation_phi", ("ping", beam), np.degrees(angle), "arc_degree",
          "receiving beam about forward, positive to starboard, from the receive array's normal")
-    _put(group, "transmit_beam_index", ("ping", beam), file.variables["column_sector" if columns else "sector"][:], "",
+    _put(group, "transmit_beam_index", ("ping", beam), file["column_sector" if columns else "sector"][:], "",
          "sector that the beam receives")
     _transmissions(file, group)
-    group.attrs["beam_mode"] = "vertical"
-    if not columns:
-        return
-    rate = file.variables["column_rate"][:]
-    _put(group, "sample_interval", ("ping", beam), 1 / rate, "s", "between samples")
-    _put(group, "sample_time_offset", ("ping", beam), file.variables["column_start"][:], "s",
-         "of the first sample, after the beam's transmission")
+    if columns:
+        rate = file["column_rate"][:]
+        _put(group, "sample_interval", ("ping", beam), 1 / rate, "s", "between samples")
+        _put(group, "sample_time_offset", ("ping", beam), file["column_start"][:], "s",
+             "of the first sample, after the beam's transmission")
+    group.set_dimensions()
+    if columns:
+        file[BACKSCATTER] = file["column_level_db"]    # a second name of the same data, not a copy
 
 
 def _ship(file, line, group):
-    time, x, y = (file.variables[f"ping_{name}"][:] for name in ("time", "x", "y"))
+    time, x, y = (file[f"ping_{name}"][:] for name in ("time", "x", "y"))
     latitude, longitude, convergence = line.frame.on_globe(np.stack([x, y], -1))
-    heading = (file.variables["ping_heading"][:] + convergence) % (2 * np.pi)
+    heading = (file["ping_heading"][:] + convergence) % (2 * np.pi)
     offset = line.array("transmit_offset")
-    roll, pitch, depth = (file.variables[f"ping_{name}"][:] for name in ("roll", "pitch", "depth"))
+    roll, pitch, depth = (file[f"ping_{name}"][:] for name in ("roll", "pitch", "depth"))
     down = mounted(offset, roll, pitch)[:, 2]
     for name, values, units, about in (
             ("ping_time", _nanoseconds(line.start + time), TIME, "time of the ping's first transmission"),
@@ -154,20 +149,20 @@ def _ship(file, line, group):
             ("platform_pitch", np.degrees(pitch), "arc_degree", "pitch, bow up"),
             ("platform_vertical_offset", depth, "m", "of the platform's origin below the still surface"),
             ("tx_transducer_depth", depth + down, "m", "of the transmit array below the still surface"),
-            ("sound_speed_at_transducer", file.variables["head_sound_speed"][:], "m/s", "by the head's own sensor")):
+            ("sound_speed_at_transducer", file["head_sound_speed"][:], "m/s", "by the head's own sensor")):
         _put(group, name, ("ping",), values, units, about)
 
 
 def _transmissions(file, group):
-    frequency, width = (file.variables[f"sector_{name}"][:] for name in ("frequency", "bandwidth"))
+    frequency, width = (file[f"sector_{name}"][:] for name in ("frequency", "bandwidth"))
     for name, values, units, about in (
             ("transmit_frequency_start", frequency - width / 2, "Hz", "lower end of the band"),
             ("transmit_frequency_stop", frequency + width / 2, "Hz", "upper end of the band"),
             ("transmit_bandwidth", width, "Hz", "bandwidth of the pulse"),
-            ("transmit_duration_nominal", file.variables["sector_pulse_length"][:], "s", "length of the pulse"),
-            ("transmit_source_level", file.variables["sector_source_level_db"][:], "dB re 1 µPa at 1m", "source level"),
-            ("transmit_time_offset", file.variables["sector_delay"][:], "s", "after the ping's first transmission"),
-            ("tx_beam_rotation_theta", np.degrees(file.variables["sector_angle"][:]), "arc_degree",
+            ("transmit_duration_nominal", file["sector_pulse_length"][:], "s", "length of the pulse"),
+            ("transmit_source_level", file["sector_source_level_db"][:], "dB re 1 µPa at 1m", "source level"),
+            ("transmit_time_offset", file["sector_delay"][:], "s", "after the ping's first transmission"),
+            ("tx_beam_rotation_theta", np.degrees(file["sector_angle"][:]), "arc_degree",
              "transmitted beam about starboard, positive forward")):
         _put(group, name, ("ping", "sector"), values, units, about)
 
@@ -186,27 +181,31 @@ def write(blocks: Blocks, path: FilePath, *, place: Place | None = None, start: 
         record = encoded(first)
         beside = {name: value for name, value in root_attributes(line).items() if name not in record.attrs}
         record.attrs = record.attrs | beside | {BESIDE: json.dumps(list(beside))}
-        store(record, temporary, unlimited_dims=("ping",), encoding=_encoding(record))
-        _check_room(temporary, 0)
-        with h5py.File(temporary, "a", rdcc_nbytes=2 * CHUNK_BYTES) as file:
-            growing = {str(name): file[_SHADOWED + str(name) if _SHADOWED + str(name) in file else str(name)]
-                       for name, variable in first.variables.items() if variable.dims[:1] == ("ping",)}
+        packed = _encoding(record)
+        variables, attrs = conventional(record)
+        _check_room(temporary, record.nbytes)
+        with h5py.File(temporary, "w", track_order=True, rdcc_nbytes=2 * CHUNK_BYTES) as file:
+            root = Group(file)
+            root.set_attributes(attrs)
+            growing = {}
+            for name, variable in variables.items():
+                moves = variable.dims[:1] == ("ping",)
+                if name == "ping":                     # the numbers of pings are their places
+                    continue
+                made = root.put(str(name), variable.dims, variable.values, variable.attrs, packed.get(str(name)),
+                                growing=moves)
+                growing |= {str(name): made} if moves else {}
             for block in remaining:
                 _check_room(temporary, block.nbytes)
                 _append(growing, block, number)
                 number, valid = number + block.sizes["ping"], valid + int(block["valid"].sum())
-            _settle(file, number)
-        with h5netcdf.File(temporary, "a") as file:
+            root.set_dimensions()
             passage = passage_of(line)
-            _environment(file, line, passage)
-            _platform(file, line, passage)
-            _sonar(file, line)
-            file.create_group("Provenance").attrs.update({
-                "conversion_software_name": "mitsonar", "conversion_software_version": __version__,
-                "history": line.provenance()})
-        if "column_level_db" in record:
-            with h5py.File(temporary, "a") as file:    # a second name of the same data, not a copy
-                file[BACKSCATTER] = file["column_level_db"]
+            _environment(root, line, passage)
+            _platform(root, line, passage)
+            _sonar(root, file, line)
+            root.group("Provenance", {"conversion_software_name": "mitsonar", "conversion_software_version":
+                                      __version__, "history": line.provenance()})
     return Written(pings=number, soundings=valid, words=(line.placed,) if line.placed else ())
 
 
@@ -228,23 +227,6 @@ def _encoding(record: xr.Dataset) -> dict[str, dict[str, bool | int | tuple[int,
             pings = int(np.clip(CHUNK_BYTES // size, 1, CHUNK_PINGS))
             encoding[name]["chunksizes"] = (pings, *(max(1, other) for other in others))
     return encoding
-
-
-def _settle(file: h5py.File, pings: int) -> None:
-    """Fix the dimension ``ping`` at its final size: h5netcdf reads an unlimited dimension ten times more slowly."""
-    growing = file["ping"]
-    users = [name for name, data in file.items() if isinstance(data, h5py.Dataset) and name != "ping" and data.ndim
-             and len(data.dims[0]) and data.dims[0][0] == growing]
-    kept = {name: growing.attrs[name] for name in ("_Netcdf4Dimid",) if name in growing.attrs}
-    for name in users:
-        file[name].dims[0].detach_scale(growing)
-    del file["ping"]
-    settled = file.create_dataset("ping", (pings,), ">f4")
-    settled.make_scale(f"This is a netCDF dimension but not a netCDF variable. {pings:9d}")
-    for name, value in kept.items():
-        settled.attrs[name] = value
-    for name in users:
-        file[name].dims[0].attach_scale(settled)
 
 
 def _append(growing: dict[str, h5py.Dataset], block: xr.Dataset, at: int) -> None:

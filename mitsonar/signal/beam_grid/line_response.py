@@ -12,6 +12,7 @@ need fewer rows, every ``stride``-th (`ResponseRows`); the turn is made good whe
 """
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,7 +26,8 @@ from ..impulses import Bell
 FINER = 12                         # places of the table over those that resolve the line: a spline errs by 1e-5
 TURNS = 8                          # in which a spectrum of noise is found
 NOISE_STEP = 1 / 8                 # ν's by which elements move at most between frequencies at which it is found
-BLOCK = 1 << 16                    # numbers worked on at once: they stay in a cache
+BLOCK = 1 << 15                    # numbers worked on at once: they stay in a cache
+TOGETHER = 16                      # rows that are transformed side by side, so blocks have a multiple of them
 OVERSAMPLING = 1.9                 # rows over those that a line resolves
 FADE = 64                          # rows, at both ends together
 ROLL_OFF = 0.03, 0.15              # [cycles a row], of the band: width of the roll-off
@@ -74,9 +76,11 @@ class LineResponse:
         roll = np.cos(0.5 * np.pi * np.clip((np.abs(nu[self.used]) - band) / skirt, 0, 1)) ** 2
         self._turn, self._fade = -self.middle * stride / rows.period, FADE // stride
         self._scale, self._weight, self._position, self._wavenumber = np.abs(weight).sum(), weight, position, wavenumber
-        values = fft.fft(self._pattern(weight / self._scale, wavenumber, own) * _taper(own, self._fade), axis=1,
-                         overwrite_x=True)
-        self.values = np.ascontiguousarray(values[:, self.used] * (roll / self.spectrum).astype(np.float32))
+        self.values = np.empty((len(wavenumber), len(self.used)), np.complex64)
+        gain, taper = (roll / self.spectrum).astype(np.float32), _taper(own, self._fade)
+        for part, values in self._pattern(weight / self._scale, wavenumber, own):
+            values *= taper
+            np.multiply(fft.fft(values, axis=1, overwrite_x=True)[:, self.used], gain, out=self.values[part])
         self._noise: dict[float, np.ndarray] = {}
 
     def own_noise(self, farthest: float) -> np.ndarray:
@@ -96,7 +100,9 @@ class LineResponse:
         lowest, highest = self._wavenumber.min(), self._wavenumber.max()
         moved = np.abs(self._position).max() * (highest - lowest) * rows.step * rows.period
         places = min(int(np.ceil(moved / NOISE_STEP)) + 1, len(self._wavenumber))
-        wanted = self._pattern(np.abs(self._weight / self._scale) ** 2, np.linspace(lowest, highest, places), rows)
+        weight = np.abs(self._weight / self._scale) ** 2
+        wanted = np.concatenate([
+            values for _, values in self._pattern(weight, np.linspace(lowest, highest, places), rows)])
         near = np.abs(rows.numbers) * rows.step <= farthest
         power = np.real(fft.fft(wanted * _taper(rows, self._fade), axis=1))
         for _ in range(TURNS):
@@ -111,21 +117,33 @@ class LineResponse:
         share = (place - before)[:, None].astype(np.float32)
         return power[before] * (1 - share) + power[np.minimum(before + 1, places - 1)] * share
 
-    def _pattern(self, weight: np.ndarray, wavenumber: np.ndarray, rows: ResponseRows) -> np.ndarray:
-        """Return W_f(m ds) of weights (E,) as they are, turned back, m in order of an FFT: complex64 (F, period)."""
+    def _pattern(self, weight: np.ndarray, wavenumber: np.ndarray,
+                 rows: ResponseRows) -> Iterator[tuple[slice, np.ndarray]]:
+        """Yield W_f(m ds) of weights (E,) as they are, turned back, m in order of an FFT: complex64 (F, period).
+
+        They come in blocks of frequencies, each with its place. Arrays of all would cost more to allocate than to fill.
+        """
         number = rows.numbers
         farthest = np.abs(wavenumber).max() * rows.step * np.abs(number).max()
         spacing = 1 / (2 * FINER * max(float(np.abs(self._position).max()), 1e-9))
         middle = int(np.ceil(farthest / spacing)) + 4
-        a, b, c, d = _splines(array_factor(-self._position, weight, first=-middle * spacing, step=spacing,
-                                           count=2 * middle + 1))
-        values = np.empty((len(wavenumber), rows.period), np.complex64)
-        for part in np.array_split(np.arange(len(wavenumber)), -(-values.size // BLOCK)):
+        cubic, *others = _splines(array_factor(-self._position, weight, first=-middle * spacing, step=spacing,
+                                               count=2 * middle + 1))
+        turn = np.exp(2j * np.pi * self._turn * number).astype(np.complex64)
+        several = TOGETHER * max(1, BLOCK // (TOGETHER * rows.period))
+        for first in range(0, len(wavenumber), several):
+            part = slice(first, first + several)
             place = np.multiply.outer(wavenumber[part] * (rows.step / spacing), number) + middle
-            cell = place.astype(np.int32)
-            t = (place - cell).astype(np.float32)
-            values[part] = ((a[cell] * t + b[cell]) * t + c[cell]) * t + d[cell]
-        return values * np.exp(2j * np.pi * self._turn * number).astype(np.complex64) if self.middle else values
+            cell = place.astype(np.intp)
+            place -= cell
+            t = place.astype(np.complex64)
+            values = cubic.take(cell)
+            for coefficient in others:                                   # ((a t + b) t + c) t + d
+                values *= t
+                values += coefficient.take(cell)
+            if self.middle:
+                values *= turn
+            yield part, values
 
 
 def _splines(values: np.ndarray) -> np.ndarray:
