@@ -7,7 +7,6 @@ from __future__ import annotations
 import ast
 import atexit
 import contextlib
-import dataclasses
 import functools
 import gc
 import importlib
@@ -55,31 +54,6 @@ def begin_command(objects: int = 200_000) -> None:
     atexit.register(gc.freeze)
     gc.set_threshold(objects, *usual[1:])
     sys.meta_path.insert(0, _UsedAlone)
-    _compile_methods_when_called()
-
-
-def _compile_methods_when_called() -> None:
-    """Let dataclasses compile methods that most of them never need when they are first called: a fifteenth of a second.
-
-    Before Python 3.13 each method is compiled by itself, from its text; later all of a class together.
-    """
-    module: Any = dataclasses
-    compiled: Callable[..., Any] | None = getattr(module, "_create_fn", None)
-    if compiled is None:
-        return
-
-    def put_off(name: str, *text: Any, **options: Any) -> Callable[..., Any]:
-        if name not in ("__repr__", "__eq__", "__hash__", "__setattr__", "__delattr__"):
-            return compiled(name, *text, **options)
-        method = functools.cache(lambda: compiled(name, *text, **options))
-
-        def called(*arguments: Any) -> Any:
-            return method()(*arguments)
-
-        called.__name__ = name
-        return called
-
-    module._create_fn = put_off
 
 
 def end_start() -> None:

@@ -1,9 +1,11 @@
 """Lines of soundings in files: the name chooses, files are whole or not there, and memory holds a block."""
 import tracemalloc
+import warnings
 
 import h5py
 import numpy as np
 import pytest
+import rasterio
 import xarray as xr
 from soundings_line import blocks_of, soundings_line
 
@@ -55,6 +57,17 @@ def test_what_is_no_line_is_refused_in_a_sentence(blocks, options, said, tmp_pat
 def test_another_suffix_is_answered_by_those_that_are_known(tmp_path):
     with pytest.raises(ValueError, match=r"\.gsf, \.kmall, \.s7k, \.nc, \.csv or \.las"):
         survey_lines.write(LINE, tmp_path / "line.xyz")
+
+
+def test_the_netcdf_library_reads_what_h5py_has_written(tmp_path):
+    """GDAL reads variables of two dimensions by the C library of netCDF, which knows dimensions by HDF5's scales."""
+    if "netCDF" not in rasterio.drivers.raster_driver_extensions().values():
+        pytest.skip("rasterio has no netCDF here")
+    survey_lines.write(LINE, tmp_path / "line.nc")
+    for name in ("depth", "travel_time", "quality"):
+        with warnings.catch_warnings(), rasterio.open(f"netcdf:{tmp_path / 'line.nc'}:{name}") as found:
+            warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
+            assert np.array_equal(found.read(1)[::-1], LINE[name].values, equal_nan=True)     # the last row is first
 
 
 def test_netcdf_gives_back_what_was_written(tmp_path):
