@@ -13,6 +13,7 @@ LONG = {"detector": "it renders and trains for minutes, with PyTorch: run it by 
         "ros_node": "it needs ROS; tests/io/test_ros_node.py runs it with a stand-in"}
 
 
+@pytest.mark.usefixtures("two_threads")
 @pytest.mark.parametrize("tutorial", TUTORIALS, ids=lambda path: path.stem)
 def test_a_tutorial_holds_what_it_says(tutorial, tmp_path, monkeypatch):
     import matplotlib.pyplot as plt
