@@ -133,7 +133,7 @@ def test_a_level_bed_has_no_shadows_however_many_the_bins(monkeypatch):
 
 def test_pictures_that_do_not_fit_into_memory_are_refused_before_any_signal(monkeypatch):
     made = array_sonar({"seabed": bed(20, size=200.0)}, sensor={**SONAR, "pings": 1000}, film={"range": 20.0})
-    monkeypatch.setattr("mitsonar.survey.limits._memory", lambda: 4e9)
+    monkeypatch.setattr("mitsonar.survey.limits.memory", lambda: 4e9)
     monkeypatch.setattr("mitsonar.survey.beam_domain.fan_pictures.received_signals",
                         lambda *_, **__: pytest.fail("signals made"))
     monkeypatch.setattr("mitsonar.survey.beam_domain.fan_pictures.Frames",

@@ -31,9 +31,10 @@ def mean_between(echoes: BottomEchoes, begin: np.ndarray, end: np.ndarray) -> np
     last = np.clip(np.ceil((end - echoes.start) / echoes.step).astype(int), first + 1, blocks)
     # sums from one end of a span to the next end of any: some tenths of the blocks
     edges = np.unique([first, last])
-    pieces = sum(np.add.reduceat(values[:, :edges[-1]], edges[:-1], axis=1) for values in (echoes.power, echoes.common))
-    total = np.zeros((len(pieces), len(edges)))
-    np.cumsum(pieces, axis=1, out=total[:, 1:])
+    power, common = (np.add.reduceat(values[:, :edges[-1]], edges[:-1], axis=1)
+                     for values in (echoes.power, echoes.common))
+    total = np.zeros((len(power), len(edges)))
+    np.cumsum(power + common, axis=1, out=total[:, 1:])
     sums = total[:, np.searchsorted(edges, last)] - total[:, np.searchsorted(edges, first)]
     return sums / (2 * (last - first))
 
