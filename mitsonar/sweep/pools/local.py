@@ -73,10 +73,11 @@ class Renderer:
             self.kill()
             path = [os.path.abspath(entry) for entry in sys.path]
             self._errors = tempfile.TemporaryFile()
-            # a session of its own keeps the terminal's Ctrl-C away
+            # a session of its own keeps the terminal's Ctrl-C away; threads of OpenBLAS wait for work by spinning
             self._process = subprocess.Popen([sys.executable, "-c", START, json.dumps(path), str(self.threads)],
                                              stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._errors,
-                                             text=True, cwd=self.place, start_new_session=True)
+                                             text=True, cwd=self.place, start_new_session=True,
+                                             env={"OPENBLAS_NUM_THREADS": "1", **os.environ})
         return cast(IO[str], self._process.stdin), cast(IO[str], self._process.stdout)
 
     def _last_words(self):
