@@ -116,7 +116,10 @@ def workers_ended() -> Generator[int, None, None]:
 
 @contextlib.contextmanager
 def at_least_two_threads() -> Generator[None, None, None]:
-    """Give Dr.Jit a worker while files are read: without one, Mitsuba's reader of EXR waits for itself forever."""
+    """Start a second thread of Dr.Jit where there is one alone, while Mitsuba reads or writes EXR.
+
+    With one thread it waits forever for another.
+    """
     import drjit as dr
 
     alone = dr.thread_count() < 2

@@ -47,7 +47,7 @@ def prepare() -> None:
 
 @functools.cache
 def _enough_threads():
-    """Give Mitsuba's own loader two threads on a machine of one core; later it is the user who chooses."""
+    """Start a second thread of Dr.Jit, once, where there is one alone: Mitsuba's own loader needs two."""
     import drjit as dr
 
     dr.set_thread_count(max(dr.thread_count(), 2))
@@ -113,8 +113,7 @@ def _loaded(path, parameters):
     from .errors import as_exception
 
     try:
-        # Mitsuba's file resolver is one for all threads, too
-        with TURN, at_least_two_threads():
+        with TURN, at_least_two_threads():     # Mitsuba's file resolver is one for all threads, too
             scene_files.check(path, values)
             # One object after the other: while a shape of ours waits for the device, Mitsuba's worker would make the
             # next one within it, and hundreds of them end in a RecursionError. This is as fast.

@@ -8,7 +8,6 @@ import pytest
 
 import mitsonar.scene.loading
 from mitsonar.device.turns import workers_ended
-from mitsonar.sweep.pools import local
 
 
 @pytest.fixture(autouse=True)
@@ -65,12 +64,3 @@ def test_one_thread_reads_images(tmp_path, two_threads):
         assert dr.thread_count() == 1
     finally:
         dr.set_thread_count(threads)
-
-
-@pytest.mark.parametrize("cores, gigabytes, processes, threads, shared", [
-    (8, 64, None, None, (8, 1)), (8, 3.5, None, None, (3, 2)), (8, 0.5, None, None, (1, 8)), (8, 64, None, 4, (2, 4)),
-    (2, 64, 1, None, (1, 2)), (2, 64, 5, None, (5, 1)), (2, 64, 3, 2, (3, 2))])
-def test_processes_share_cores_and_memory(monkeypatch, cores, gigabytes, processes, threads, shared):
-    monkeypatch.setattr(local, "cores", lambda: cores)
-    monkeypatch.setattr(local, "memory", lambda: 1e9 * gigabytes)
-    assert local.shares(processes, threads) == shared

@@ -470,3 +470,12 @@ def test_parts_of_another_number_in_one_folder_are_refused_until_they_are_joined
     assert merged(sweep, "out").joined == 11
     assert sweep(part=Part(number=3, count=3)).done == 1           # of 2, 5, 8, 11 the other three are there
     assert merged(sweep, "out").joined == 12 and left(sweep.folder / "out") == left(sweep.folder / "one")
+
+
+@pytest.mark.parametrize("cores, gigabytes, processes, threads, shared", [
+    (8, 64, None, None, (8, 1)), (8, 3.5, None, None, (3, 2)), (8, 0.5, None, None, (1, 8)), (8, 64, None, 4, (2, 4)),
+    (2, 64, 1, None, (1, 2)), (2, 64, 5, None, (5, 1)), (2, 64, 3, 2, (3, 2))])
+def test_processes_share_cores_and_memory(monkeypatch, cores, gigabytes, processes, threads, shared):
+    monkeypatch.setattr(local, "cores", lambda: cores)
+    monkeypatch.setattr(local, "memory", lambda: 1e9 * gigabytes)
+    assert local.shares(processes, threads) == shared
