@@ -27,7 +27,7 @@ from mitsonar.scene.labels import ShapeLabels
 from mitsonar.signal.beam_grid.stripes import cell_sums
 from mitsonar.signal.beam_grid.transforms import divided
 
-from .blur import Blur, OneBeam
+from .blur import LEAST, Blur, OneBeam
 from .ground import FREE
 from .ping_echoes import GridEchoes, TargetEchoes
 
@@ -350,19 +350,17 @@ class FrameTruth:
 
 def _share_out(planes: Sequence[_TruthPlane], total: np.ndarray, share: np.ndarray, label: np.ndarray) -> None:
     """Write the total energy of planes, the share of every instance in it, and the instance with the most."""
-    # total, label (b, T); share (b, L, T)
-    best, by_label = np.zeros_like(total), {}
+    # total, label (b, T), share (b, L, T), all 0
     for plane in planes:
         total[plane.where] += plane.energy
-        by_label.setdefault(plane.label, []).append(plane)
-    per_total = np.reciprocal(total, out=np.zeros_like(total), where=total > 0)
-    for number, of_instance in by_label.items():
-        for plane in of_instance:
-            beams, bins = plane.where
-            part = share[beams, number - 1, bins]
-            part += plane.energy * per_total[plane.where]
-            label[plane.where] = np.where(part > best[plane.where], np.uint32(number), label[plane.where])
-            best[plane.where] = np.maximum(best[plane.where], part)
+    per_total = np.reciprocal(np.maximum(total, LEAST))             # energies are 0 or no less
+    best = np.zeros_like(total)
+    for plane in planes:
+        beams, bins = plane.where
+        part, most = share[beams, plane.label - 1, bins], best[plane.where]
+        part += plane.energy * per_total[plane.where]
+        np.copyto(label[plane.where], np.uint32(plane.label), where=part > most)
+        np.maximum(most, part, out=most)
 
 
 def _shade(seabed: Sequence[_TruthPlane], lost: Sequence[_TruthPlane], total: np.ndarray, hidden: np.ndarray,
