@@ -64,6 +64,25 @@ def test_hits_are_those_of_a_tree(rough, name, longest):
     assert np.quantile(np.abs(walked.prim_uv.numpy() - tree.prim_uv.numpy())[:, face], 0.99) < 1e-3
 
 
+@pytest.mark.parametrize("place", [0.0, 900.0])
+def test_steep_hits_on_wide_grids_are_as_exact_as_their_rays(variant, place):
+    """What leads from a steep hit back to its ray divides by its angle off the vertical: micrometres count.
+
+    float32 places are 0 at the origin and 30 um apart at 900 m; cells count from the corner, 12,000 of them away.
+    """
+    heights = np.random.default_rng(4).uniform(-20.2, -20, (3, 24_001)).astype(np.float32)
+    grid = height_field.HeightGrid(corner=np.array([-1200.0, -0.1]), spacing=np.array([0.1, 0.1]), heights=heights)
+    off = np.geomspace(1e-7, 1e-3, 2000)
+    direction = np.stack([off, 0.5 * off, -np.ones_like(off)]).astype(np.float32)
+    ray = mi.Ray3f(mi.Point3f(place, 0.0, 0.0), mi.Vector3f(direction))
+    found = HeightField(grid, 1).ray_intersect_preliminary(ray)
+    column, upper = np.divmod(found.prim_index.numpy() // 2, 24_000)[1], found.prim_index.numpy() % 2
+    u, v = found.prim_uv.numpy().astype(float)
+    x = -1200 + 0.1 * (column + np.where(upper, 1 - v, u))
+    assert found.is_valid().numpy().all()
+    assert np.abs(x - np.float32(place) - found.t.numpy() * direction[0].astype(float)).max() < 2e-7
+
+
 def test_nothing_is_hit_by_inactive_rays_and_beyond_the_bed(rough):
     field = HeightField(rough[1], 1)
     ray = mi.Ray3f(mi.Point3f(mi.Float([0, 0, 30]), 0, 0), mi.Vector3f(0, 0, -1))
