@@ -31,7 +31,6 @@ BLOCK = 1 << BITS                  # cells along a side of a block
 OFF_NODE = 5e-4                    # cells that a vertex may lie off its node
 EDGE = 2e-3                        # cells by which triangles are widened, so that no ray passes between two
 LEVEL = 1e-9                       # cells a metre: the slowest way across cells that is divided by
-FARTHEST = 1 << 29                 # cells from which a ray may begin
 SPARE = 1e-3                       # [m] above the highest and below the lowest node where rays begin and end
 
 
@@ -153,8 +152,7 @@ class HeightField:
             found, upper = distance < dr.inf, x + y > 1
             pi = dr.zeros(mi.PreliminaryIntersection3f)
             pi.valid, pi.t = found, distance
-            triangle = 2 * (row * self._counts[0] + column) + dr.select(upper, mi.UInt32(1), 0)
-            pi.prim_index = dr.select(found, triangle, 0)
+            pi.prim_index = 2 * (row * self._counts[0] + column) + dr.select(upper, mi.UInt32(1), 0)
             # corners of the lower triangle: here, east, north; of the upper one: east, across, north
             pi.prim_uv = mi.Point2f(dr.select(upper, dr.maximum(x + y - 1, 0), x), dr.select(upper, 1 - x, y))
             pi.shape = reinterpreted(mi.ShapePtr, dr.select(found, self._counts[3], 0))
@@ -191,43 +189,32 @@ def _met(z: Any, x: mi.Float, y: mi.Float, dx: mi.Float, dy: mi.Float, o_z: mi.F
     return dr.select(good, dr.minimum(met, upper), met)
 
 
-def _left(place: mi.Int32, ahead: mi.Float, side: mi.Float, start: mi.Float, metres: mi.Float) -> mi.Float:
+def _left(place: mi.Int32, ahead: mi.Float, side: mi.Float, first: mi.Float, start: mi.Float,
+          metres: mi.Float) -> mi.Float:
     """Return the distances [m] at which rays leave a column or row of cells or blocks of `side` cells."""
-    return dr.fma(mi.Float(place) + ahead, side, -start) * metres
+    return (dr.fma(mi.Float(place) + ahead, side, -first) - start) * metres
 
 
 def _from_block(lib: ArrayTypes, place: mi.Float, corner: mi.Float64,
-                per_metre: mi.Float64) -> tuple[mi.Float, mi.Int32]:
-    """Return places [m] in cells from the first cell of their blocks, and the numbers of these cells."""
+                per_metre: mi.Float64) -> tuple[mi.Float, mi.Float]:
+    """Return places [m] in cells from the first cells of their blocks, and the whole numbers of these cells."""
     there = (lib.Float64(place) - corner) * per_metre
-    first = mi.Int32(dr.floor(held(there, -FARTHEST, FARTHEST) * (1 / BLOCK))) << BITS
-    return mi.Float(there - lib.Float64(first)), first
+    first = dr.floor(there * (1 / BLOCK)) * BLOCK
+    return mi.Float(there - first), mi.Float(first)
 
 
-def _met_sides(cells: tuple[mi.Int32, mi.Int32], start: mi.Float, metres: mi.Float) -> tuple[mi.Float, mi.Float]:
-    """Return the distances [m] at which rays from `start` [cells] meet two sides of the grid."""
-    return (mi.Float(cells[0]) - start) * metres, (mi.Float(cells[1]) - start) * metres
+def _inside(column: mi.Int32, row: mi.Int32, fine: mi.Bool, columns: mi.UInt32, rows: mi.UInt32,
+            blocks_across: mi.UInt32) -> mi.Bool:
+    """Return True where there are such a column and row of cells, or of blocks."""
+    limit_x = dr.select(fine, mi.Int32(columns), mi.Int32(blocks_across))
+    limit_y = dr.select(fine, mi.Int32(rows), (mi.Int32(rows) + (BLOCK - 1)) >> BITS)
+    return (column >= 0) & (row >= 0) & (column < limit_x) & (row < limit_y)
 
 
-def _begun(place: mi.Float, cells: tuple[mi.Int32, mi.Int32]) -> mi.Int32:
-    """Return the column or row of the grid's block where a ray begins, at `place` [cells]."""
-    return mi.Int32(dr.floor(held(place, mi.Float(cells[0]), mi.Float(cells[1]) - 1))) >> BITS
-
-
-def _inside(column: mi.Int32, row: mi.Int32, fine: mi.Bool, across: tuple[mi.Int32, mi.Int32],
-            along: tuple[mi.Int32, mi.Int32]) -> mi.Bool:
-    """Return True where there are such a column and row of cells, or of blocks; the cells begin and end there."""
-    inside = mi.Bool(True)
-    for place, (begin, end) in ((column, across), (row, along)):
-        inside &= (place >= dr.select(fine, begin, begin >> BITS)) & (
-            place < dr.select(fine, end, (end + (BLOCK - 1)) >> BITS))
-    return inside
-
-
-def _entered(block: mi.Int32, place: mi.Float, end: mi.Int32) -> mi.Int32:
-    """Return the column or row of the cell, before `end`, where a ray at `place` [cells] enters a block."""
-    first = block * BLOCK
-    return dr.clip(mi.Int32(dr.floor(place)), first, dr.minimum(first + (BLOCK - 1), end - 1))
+def _entered(block: mi.Int32, place: mi.Float, first: mi.Float, cells: mi.UInt32) -> mi.Int32:
+    """Return the column or row of the cell where a ray enters a block, at `place` [cells] from the cell `first`."""
+    begin = block * BLOCK
+    return dr.clip(mi.Int32(dr.floor(place) + first), begin, dr.minimum(begin + (BLOCK - 1), mi.Int32(cells) - 1))
 
 
 def _next(column: mi.Int32, row: mi.Int32, step_x: mi.Int32, step_y: mi.Int32, across: mi.Bool,
@@ -242,14 +229,12 @@ def _next(column: mi.Int32, row: mi.Int32, step_x: mi.Int32, step_y: mi.Int32, a
 def _walked(lib: ArrayTypes, cells: mi.Float, blocks: mi.Float, counts: list[mi.UInt32], plan: list[mi.Float64],
             ends: list[mi.Float], ray: mi.Ray3f, active: mi.Bool):
     """Follow rays (R,) to their first hits: distance [m], infinite without one, column and row of the cell, x and y."""
-    columns, rows, blocks_across = (mi.Int32(count) for count in counts[:3])
+    columns, rows, blocks_across, _ = counts
     (x0, y0, per_x, per_y), (lowest, highest) = plan, ends
     o, d = ray.o, ray.d
     # in cells from the origin's block: near the origin, hits are as exact as the ray itself
-    (px, first_column), (py, first_row) = _from_block(lib, o.x, x0, per_x), _from_block(lib, o.y, y0, per_y)
-    across, along = (-first_column, columns - first_column), (-first_row, rows - first_row)
-    first_cell = first_row * columns + first_column
-    first_block = (first_row >> BITS) * blocks_across + (first_column >> BITS)
+    (px, first_x), (py, first_y) = _from_block(lib, o.x, x0, per_x), _from_block(lib, o.y, y0, per_y)
+    west, south = -first_x - px, -first_y - py
     dx, dy = d.x * mi.Float(per_x), d.y * mi.Float(per_y)
     dx = dr.select(abs(dx) < LEVEL, LEVEL, dx)
     dy = dr.select(abs(dy) < LEVEL, LEVEL, dy)
@@ -259,36 +244,37 @@ def _walked(lib: ArrayTypes, cells: mi.Float, blocks: mi.Float, counts: list[mi.
     ahead_x, ahead_y = dr.select(east, mi.Float(1), 0), dr.select(north, mi.Float(1), 0)
     step_x, step_y = dr.select(east, mi.Int32(1), -1), dr.select(north, mi.Int32(1), -1)
     # the ray within the box of the grid
-    sides = [_met_sides(across, px, metres_x), _met_sides(along, py, metres_y),
+    sides = [(west * metres_x, (west + mi.Float(columns)) * metres_x),
+             (south * metres_y, (south + mi.Float(rows)) * metres_y),
              ((lowest - o.z) * metres_z, (highest - o.z) * metres_z)]
     t, end = mi.Float(0), mi.Float(ray.maxt)
     for a, b in sides:
         t, end = dr.maximum(t, dr.minimum(a, b)), dr.minimum(end, dr.maximum(a, b))
     # -------------------------------------------------- loop state
     fine = mi.Bool(False)                                        # within a block that may be hit
-    column = _begun(dr.fma(t, dx, px), across)                   # of a block, or of a cell
-    row = _begun(dr.fma(t, dy, py), along)
+    column = mi.Int32(held(dr.fma(t, dx, -west), 0.0, mi.Float(columns) - 1)) // BLOCK     # of a block, or of a cell
+    row = mi.Int32(held(dr.fma(t, dy, -south), 0.0, mi.Float(rows) - 1)) // BLOCK
     best = mi.Float(dr.inf)
     active = mi.Bool(active) & (t <= end)
     while active:
         side = dr.select(fine, mi.Float(1), BLOCK)
-        out_x = _left(column, ahead_x, side, px, metres_x)
-        out_y = _left(row, ahead_y, side, py, metres_y)
+        out_x = _left(column, ahead_x, side, first_x, px, metres_x)
+        out_y = _left(row, ahead_y, side, first_y, py, metres_y)
         out = dr.maximum(dr.minimum(dr.minimum(out_x, out_y), end), t)
         met, enter = mi.Float(dr.inf), mi.Bool(False)
         if fine:
-            z = dr.gather(lib.Array4f, cells, mi.UInt32(row * columns + column + first_cell), active)
-            x, y = px - mi.Float(column), py - mi.Float(row)
+            z = dr.gather(lib.Array4f, cells, mi.UInt32(row) * columns + mi.UInt32(column), active)
+            x, y = px - (mi.Float(column) - first_x), py - (mi.Float(row) - first_y)
             met = _met(z, x, y, dx, dy, o.z, d.z, ray.maxt)
         else:
-            span = dr.gather(lib.Array2f, blocks, mi.UInt32(row * blocks_across + column + first_block), active)
+            span = dr.gather(lib.Array2f, blocks, mi.UInt32(row) * blocks_across + mi.UInt32(column), active)
             here, there = dr.fma(t, d.z, o.z), dr.fma(out, d.z, o.z)
             enter = (dr.minimum(here, there) <= span[1] + SPARE) & (dr.maximum(here, there) >= span[0] - SPARE)
         best = dr.select(active, dr.minimum(best, met), best)
         active &= ~(best < dr.inf)
         # into the block, at the cell where the ray enters it
-        inner_column = _entered(column, dr.fma(t, dx, px), across[1])
-        inner_row = _entered(row, dr.fma(t, dy, py), along[1])
+        inner_column = _entered(column, dr.fma(t, dx, px), first_x, columns)
+        inner_row = _entered(row, dr.fma(t, dy, py), first_y, rows)
         # or on to the next block or cell
         next_column, next_row, left = _next(column, row, step_x, step_y, out_x <= out_y, fine)
         column = dr.select(active, dr.select(enter, inner_column, next_column), column)
@@ -296,7 +282,7 @@ def _walked(lib: ArrayTypes, cells: mi.Float, blocks: mi.Float, counts: list[mi.
         t = dr.select(enter, t, out)
         fine = (fine & ~left) | enter
         active &= enter | (t < end)
-        active &= _inside(column, row, fine, across, along)
-    x = held(dr.fma(best, dx, px) - mi.Float(column), 0.0, 1.0)
-    y = held(dr.fma(best, dy, py) - mi.Float(row), 0.0, 1.0)
-    return best, mi.UInt32(column + first_column), mi.UInt32(row + first_row), x, y
+        active &= _inside(column, row, fine, columns, rows, blocks_across)
+    x = held(dr.fma(best, dx, px) - (mi.Float(column) - first_x), 0.0, 1.0)
+    y = held(dr.fma(best, dy, py) - (mi.Float(row) - first_y), 0.0, 1.0)
+    return best, mi.UInt32(column), mi.UInt32(row), x, y
