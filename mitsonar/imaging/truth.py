@@ -54,7 +54,7 @@ def _present(*powers: np.ndarray | None) -> np.ndarray:
 def _shared(power: np.ndarray) -> np.ndarray:
     """Return the shares of powers (..., L, bins) in their sum over L, 0 where the sum is 0."""
     total = power.sum(-2, keepdims=True)
-    return np.where(total > 0, power / np.where(total > 0, total, 1), 0)
+    return power / np.where(total > 0, total, np.inf)
 
 
 def _beside(values: np.ndarray) -> np.ndarray:
