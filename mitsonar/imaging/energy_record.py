@@ -63,15 +63,22 @@ def powers(key: np.ndarray, real: np.ndarray, imaginary: np.ndarray) -> tuple[np
 
 def gathered(blocks: Iterable[EnergyRecord], *, pings: int, rows: int) -> EnergyRecord:
     """Return the records of consecutive blocks as one record."""
+    def by_ping(array: np.ndarray) -> np.ndarray:
+        return array.reshape(-1, rows, *array.shape[1:])
+
+    def kind(array: np.ndarray) -> np.dtype:
+        # float32 is ample: 1e-7 lies far below any speckle, and the record of a survey is large
+        return np.dtype(np.float32) if array.dtype == np.float64 else array.dtype
+
     record, start = None, 0
     for block in blocks:
-        if record is None:
-            # float32 is ample: 1e-7 lies far below any speckle, and the record of a survey is large
-            record = _changed(block, lambda array: np.empty(
-                (pings, rows, *array.shape[1:]), np.float32 if array.dtype == np.float64 else array.dtype))
-        for target, array in zip(_arrays(record), _arrays(block)):
-            array = array.reshape(-1, rows, *array.shape[1:])
-            target[start:start + len(array)] = array
+        if record is None and len(block.intensity) == pings * rows:        # the block is the record
+            record = _changed(block, lambda array: by_ping(array).astype(kind(array), copy=False))
+        else:
+            if record is None:
+                record = _changed(block, lambda array: np.empty((pings, rows, *array.shape[1:]), kind(array)))
+            for target, array in zip(_arrays(record), map(by_ping, _arrays(block))):
+                target[start:start + len(array)] = array
         start += len(block.intensity) // rows
     if record is None or start != pings:
         raise ValueError(f"blocks of {start} pings were given for a record of {pings}")
