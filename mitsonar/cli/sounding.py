@@ -180,7 +180,8 @@ def _sounder(arguments, options):
 
 def _estimate(arguments, place):
     """Print what the soundings of a scene cost, from a few pings."""
-    from mitsonar.sweep.pools.local import cores, shares
+    from mitsonar.device.machine import cores
+    from mitsonar.sweep.pools.local import shares
     from mitsonar.verbs import sounding_files
 
     from .sweep import size_said

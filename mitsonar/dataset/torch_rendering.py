@@ -11,11 +11,11 @@ import torch  # pyright: ignore[reportMissingImports]  optional dependency
 import torch.distributed  # pyright: ignore[reportMissingImports]  optional dependency
 import torch.utils.data  # pyright: ignore[reportMissingImports]  optional dependency
 
+from mitsonar.device.machine import cores
 from mitsonar.device.sentences import sentence
 from mitsonar.labels.frames import Form
 from mitsonar.labels.rules import Labels
 from mitsonar.sweep.plan import Plan, load_plan
-from mitsonar.sweep.pools.local import cores
 from mitsonar.sweep.products import sample_rules
 
 from .rendered_images import RenderedImage, frames_in, rendered

@@ -12,6 +12,7 @@ import mitsuba as mi
 
 from mitsonar.device.files import FilePath, check_readable
 from mitsonar.device.lazy import end_start
+from mitsonar.device.machine import cores
 from mitsonar.device.sentences import shortened
 from mitsonar.device.spelling import meant
 from mitsonar.device.turns import TURN, at_least_two_threads
@@ -47,10 +48,11 @@ def prepare() -> None:
 
 @functools.cache
 def _enough_threads():
-    """Start a second thread of Dr.Jit, once, where there is one alone: Mitsuba's own loader needs two."""
+    """Give Dr.Jit no more threads than cores, once, and a second one where it is alone: Mitsuba's loader needs two."""
     import drjit as dr
 
-    dr.set_thread_count(max(dr.thread_count(), 2))
+    # a container may use fewer cores than the machine has, and threads that look for work use up its time
+    dr.set_thread_count(max(min(dr.thread_count(), cores()), 2))
 
 
 def load_file(path: FilePath, /, **parameters: object) -> mi.Scene:

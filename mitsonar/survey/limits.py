@@ -3,7 +3,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from mitsonar.device.memory import memory
+from mitsonar.device.machine import memory
 from mitsonar.signal.gates import speckle_gates
 
 if TYPE_CHECKING:

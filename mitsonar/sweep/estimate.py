@@ -8,12 +8,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from mitsonar.device.files import FilePath
+from mitsonar.device.machine import cores
 
 from .execute import check_loading, default_folder, job, standing
 from .manifest import read_all, versions
 from .parts import WHOLE, Part, check_count
 from .plan import Plan, load_plan
-from .pools.local import Local, cores, shares
+from .pools.local import Local, shares
 
 TRIALS = 3
 ENOUGH_SECONDS = 30.0              # [s]: longest time of trials, of which the first compiles

@@ -2,8 +2,9 @@
 import math
 from dataclasses import dataclass
 
+from mitsonar.device.machine import cores
+
 from .estimate import Estimate, SceneCost
-from .pools.local import cores
 from .values import shortened
 
 MANY = 1000                        # renders that prices are also said of

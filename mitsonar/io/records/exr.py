@@ -31,6 +31,7 @@ import OpenEXR
 import xarray as xr
 
 from mitsonar.device.files import FilePath, check_readable, replacing
+from mitsonar.device.machine import cores
 
 from .records import SonarImage, check_numbers, with_present_names
 
@@ -141,7 +142,7 @@ def write(dataset: xr.Dataset, path: FilePath) -> None:
     with replacing(path) as temporary:
         # A Python stream reports a full disk as OSError with its errno; with a path, the library gives only words.
         with open(temporary, "wb") as stream:
-            OpenEXR.File(parts, num_threads=os.cpu_count()).write(stream)
+            OpenEXR.File(parts, num_threads=cores()).write(stream)
         _config(temporary, path)
 
 
@@ -168,7 +169,7 @@ def read(path: FilePath) -> SonarImage:
     config = _config_of(path)
     _check_claims(path)
     try:
-        file = OpenEXR.File(str(path), separate_channels=True, num_threads=os.cpu_count())
+        file = OpenEXR.File(str(path), separate_channels=True, num_threads=cores())
         if len(file.parts) < 2:  # the library drops a part whose pixels it cannot decode
             raise ValueError(f"cannot read {path}: its pixels are cut short or damaged; write it again.")
         pixels = {name: channel.pixels for name, channel in file.channels(1).items()}

@@ -10,18 +10,13 @@ import tempfile
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from typing import IO, Any, cast
 
-from mitsonar.device.memory import memory
+from mitsonar.device.machine import cores, memory
 
 THREADS = 1                        # default per process: as many processes as cores render 1.3 to 1.45 times as fast
 MEMORY = 1e9                       # [bytes], of a process that renders a bed of some million triangles
 MOST_PROCESSES, MOST_THREADS = 1024, 1024
 START = ("import json, sys; sys.path[:] = json.loads(sys.argv[1]); from mitsonar.sweep.pools import worker; "
          "worker.main(int(sys.argv[2]))")
-
-
-def cores() -> int:
-    """Return the number of cores that our processes may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def shares(processes: int | None, threads: int | None) -> tuple[int, int]:
