@@ -16,7 +16,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterator
 from contextvars import ContextVar
-from typing import Any
+from typing import Any, TypeVar
 
 import drjit as dr
 import mitsuba as mi
@@ -203,6 +203,24 @@ def _from_block(lib: ArrayTypes, place: mi.Float, corner: mi.Float64,
     return mi.Float(there - first), mi.Float(first)
 
 
+def _out(out_x: mi.Float, out_y: mi.Float, end: mi.Float, t: mi.Float) -> mi.Float:
+    """Return the distances [m], from `t` to `end`, at which rays leave a cell or block."""
+    return dr.maximum(dr.minimum(dr.minimum(out_x, out_y), end), t)
+
+
+def _meets(span: Any, here: mi.Float, there: mi.Float) -> mi.Bool:
+    """Return True for rays between heights [m] that are within the `span` of a block."""
+    return (dr.minimum(here, there) <= span[1] + SPARE) & (dr.maximum(here, there) >= span[0] - SPARE)
+
+
+Place = TypeVar("Place", "mi.Float", "mi.Int32")
+
+
+def _either(first: mi.Bool, one: Place, other: Place) -> Place:
+    """Return one place where it comes first, else the other."""
+    return dr.select(first, one, other)
+
+
 def _inside(column: mi.Int32, row: mi.Int32, fine: mi.Bool, columns: mi.UInt32, rows: mi.UInt32,
             blocks_across: mi.UInt32) -> mi.Bool:
     """Return True where there are such a column and row of cells, or of blocks."""
@@ -260,7 +278,7 @@ def _walked(lib: ArrayTypes, cells: mi.Float, blocks: mi.Float, counts: list[mi.
         side = dr.select(fine, mi.Float(1), BLOCK)
         out_x = _left(column, ahead_x, side, first_x, px, metres_x)
         out_y = _left(row, ahead_y, side, first_y, py, metres_y)
-        out = dr.maximum(dr.minimum(dr.minimum(out_x, out_y), end), t)
+        out = _out(out_x, out_y, end, t)
         met, enter = mi.Float(dr.inf), mi.Bool(False)
         if fine:
             z = dr.gather(lib.Array4f, cells, mi.UInt32(row) * columns + mi.UInt32(column), active)
@@ -268,8 +286,7 @@ def _walked(lib: ArrayTypes, cells: mi.Float, blocks: mi.Float, counts: list[mi.
             met = _met(z, x, y, dx, dy, o.z, d.z, ray.maxt)
         else:
             span = dr.gather(lib.Array2f, blocks, mi.UInt32(row) * blocks_across + mi.UInt32(column), active)
-            here, there = dr.fma(t, d.z, o.z), dr.fma(out, d.z, o.z)
-            enter = (dr.minimum(here, there) <= span[1] + SPARE) & (dr.maximum(here, there) >= span[0] - SPARE)
+            enter = _meets(span, dr.fma(t, d.z, o.z), dr.fma(out, d.z, o.z))
         best = dr.select(active, dr.minimum(best, met), best)
         active &= ~(best < dr.inf)
         # into the block, at the cell where the ray enters it
@@ -277,9 +294,9 @@ def _walked(lib: ArrayTypes, cells: mi.Float, blocks: mi.Float, counts: list[mi.
         inner_row = _entered(row, dr.fma(t, dy, py), first_y, rows)
         # or on to the next block or cell
         next_column, next_row, left = _next(column, row, step_x, step_y, out_x <= out_y, fine)
-        column = dr.select(active, dr.select(enter, inner_column, next_column), column)
-        row = dr.select(active, dr.select(enter, inner_row, next_row), row)
-        t = dr.select(enter, t, out)
+        column = _either(active, _either(enter, inner_column, next_column), column)
+        row = _either(active, _either(enter, inner_row, next_row), row)
+        t = _either(enter, t, out)
         fine = (fine & ~left) | enter
         active &= enter | (t < end)
         active &= _inside(column, row, fine, columns, rows, blocks_across)
