@@ -64,15 +64,20 @@ def picked(value: Kept, index: UInt32) -> Kept:
 
 def entries(value: Kept, index: UInt32) -> Kept:
     """Return the entries with these numbers of all arrays in a record, list or tuple."""
+    return mapped(lambda part: picked(part, index), value)
+
+
+def mapped(work: Callable[..., Any], value: Kept, *others: Kept) -> Kept:
+    """Return a record, list or tuple with the results of `work` for its arrays, and for those of others like it."""
     part: Any = value
-    picks: Any = part
     if isinstance(part, (list, tuple)):
-        picks = type(part)(entries(item, index) for item in part)
+        part = type(part)(mapped(work, *items) for items in zip(part, *others))
     elif dr.is_array_v(part):
-        picks = picked(part, index)
+        part = work(part, *others)
     elif is_dataclass(value):
-        picks = replace(part, **{field.name: entries(getattr(part, field.name), index) for field in fields(part)})
-    return picks
+        part = replace(part, **{field.name: mapped(work, *(getattr(record, field.name) for record in (part, *others)))
+                                for field in fields(part)})
+    return part
 
 
 def filled(value: Any, count: int) -> bool:

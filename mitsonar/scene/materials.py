@@ -258,6 +258,11 @@ def coherence(point: dr.ArrayBase, normal: mi.Vector3f, shape: mi.ShapePtr, prim
     return dr.dispatch(shape.bsdf(), law, si)
 
 
+def mirrors(hits: Meeting) -> mi.Bool:
+    """Return True for hits (R,) on smooth surfaces, which reflect sound and scatter none."""
+    return dr.dispatch(hits.shape.bsdf(), lambda material: mi.Bool(smooth_material(material) is not None))
+
+
 def next_direction(hits: Meeting, active: mi.Bool, frequency: float, beam: mi.Vector3f, sample1: mi.Float,
                    sample2: mi.Point2f, sample3: mi.Float) -> tuple[mi.Vector3f, mi.Float, mi.Bool]:
     """Draw the direction in which sound goes on from each hit; return it, its energy share and if it is mirrored.

@@ -18,7 +18,8 @@ are evaluated at grazing angles of at least `LOWEST`.
 
 Most of the chosen pairs are faint beside a few loud ones. Of those whose likely energy w = f² / q is below the mean of
 the paths of the same row and of about the same length, only the share p = w / mean, or `LEAST_SHARE` if that is more,
-is connected, and q becomes q p (Russian roulette: Arvo and Kirk 1990).
+is connected, and q becomes q p (Russian roulette: Arvo and Kirk 1990). Pairs whose path is longer than the record are
+not connected at all.
 
 Half of the candidates are drawn evenly from the row, half near the ray: at the distance m in either coordinate with
 probability log((m + 2) / (m + 1)), so that all scales get their share.
@@ -120,8 +121,9 @@ class LikelyEnds:
 class ChosenPartners:
     """Choice of a partner for every end."""
 
-    def __init__(self, profile: SoundSpeedProfile, *, frequency: float, surface: int):         # frequency [Hz]
-        self._frequency, self._lib = frequency, arrays_of(mi.Float)
+    def __init__(self, profile: SoundSpeedProfile, *, frequency: float, surface: int, longest: float):
+        # frequency [Hz]; longest [m]: path whose echo is still in the record
+        self._frequency, self._lib, self._longest = frequency, arrays_of(mi.Float), dr.opaque(mi.Float, longest)
         self._count, self._surface = dr.opaque(mi.UInt32, CANDIDATES), dr.opaque(mi.UInt32, surface)
         # pairs of bed and surface have partners of their own, apart from pairs of the same kind
         self._kinds = [None] if not surface else [
@@ -176,22 +178,23 @@ class ChosenPartners:
             energy = a.power * worth * total
             place = held(dr.log2(length) * A_DOUBLING, 0, LENGTHS - 1)
             chosen.append((partner, chance, dr.select(dr.isfinite(energy), energy, 0),
-                           row * LENGTHS + mi.UInt32(place)))
+                           row * LENGTHS + mi.UInt32(place), length < self._longest))
         dr.eval(chosen)
         bits, _ = other_pair(within, salted(key, Salt.FAINT_PAIR))
-        chosen = [self._thinned(*pairs, uniform(self._lib, bits)) for pairs in chosen]
+        number = uniform(self._lib, bits)
+        chosen = [self._thinned(*pairs, number) for pairs in chosen]
         dr.eval(chosen)
         return chosen
 
-    def _thinned(self, partner: mi.UInt32, chance: mi.Float, energy: mi.Float, group: mi.UInt32,
+    def _thinned(self, partner: mi.UInt32, chance: mi.Float, energy: mi.Float, group: mi.UInt32, in_record: mi.Bool,
                  number: mi.Float) -> tuple[mi.UInt32, mi.Float]:
-        """Return partners and their q, 0 for those of little likely energy that random numbers leave out."""
+        """Return partners and their q, 0 outside the record and where random numbers leave out little likely energy."""
         energies, groups = energy.numpy(), group.numpy()
         # on the host, where the order of additions is the same for any number of threads
         total, count = (np.bincount(groups, weights, minlength=LENGTHS) for weights in (energies, energies > 0))
         enough = dr.gather(mi.Float, upload(mi.Float, total / np.maximum(count, 1)), group)
         share = dr.clip(energy / dr.maximum(enough, 1e-38), LEAST_SHARE, 1)
-        return partner, dr.select(number < share, chance * share, 0)
+        return partner, dr.select(in_record & (number < share), chance * share, 0)
 
     def _value(self, valid: mi.Bool, a: LikelyEnds, b: LikelyEnds, folded: bool) -> tuple[mi.Float, mi.Float]:
         """Return f, except for factors that all pairs of an end of a share, and the length of the path [m]."""

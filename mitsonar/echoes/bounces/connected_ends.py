@@ -14,6 +14,7 @@ import numpy as np
 
 from mitsonar.device.arrays import entries, picked, upload
 from mitsonar.device.chance import Salt, pair, salted, uniform
+from mitsonar.device.turns import workers_ended
 from mitsonar.scattering.bodies.echo_taps import ReceivedBand
 from mitsonar.scene.labels import SEABED
 from mitsonar.scene.materials import bistatic_strength, coherent_reflection, reflects
@@ -120,7 +121,8 @@ class ConnectedEnds:
         """Yield ghosts from the hits of rays off smooth targets to the sonar; `again` adds those by the mirror."""
         hits, sonar = ends.hits, sonar.of(ends.ray)
         for folded in (False, True)[:1 + (self._mirror and again)]:
-            way, place, code = self._seen(sonar, hits.point, hits.normal, hits.valid, folded, ends.code)
+            with workers_ended():                    # over few rays, whose kernels are traced longer than they work
+                way, place, code = self._seen(sonar, hits.point, hits.normal, hits.valid, folded, ends.code)
             active = hits.valid & way.free
             strength, sine = bistatic_strength(hits, -way.arrival_direction, active, self._frequency)
             between = mi.Float(ends.between * hits.sound_speed)

@@ -40,7 +40,8 @@ import mitsuba as mi
 
 from mitsonar.device.arrays import entries, picked
 from mitsonar.device.chance import Salt, other_pair, pair, salted, uniform
-from mitsonar.scene.materials import next_direction
+from mitsonar.device.turns import workers_ended
+from mitsonar.scene.materials import mirrors, next_direction
 from mitsonar.scene.protocols import is_smooth
 from mitsonar.scene.tracing.connection import Connector
 from mitsonar.scene.tracing.free_rays import FreeRays
@@ -54,7 +55,7 @@ from ..sonar_equation import GRAZING, lit_patch, solid_angle_of
 from .chosen_partners import ChosenPartners
 from .connected_ends import ConnectedEnds
 from .ghosts import Ghosts
-from .path_ends import Ends, Origins, computed, image_of
+from .path_ends import Ends, Origins, computed, going, image_of
 
 GOING_ON = 0.5                     # share of the rays that go on from a rough surface, drawn evenly
 
@@ -99,12 +100,21 @@ class TracedEnds:
     def next(self, ends: Ends, strata: Strata, key: mi.UInt32, *, smooth_only: bool) -> tuple[Ends, mi.Bool]:
         """Return the ends after one more bounce, and whether it was off a smooth target; `smooth_only`: only those.
 
-        Rays that meet nothing more are left out.
+        Kernels may still be at work on them. Ends of rays that meet nothing more are not valid.
         """
-        key, within = picked(key, ends.ray), strata.split(ends.ray)[1]
+        on = mirrors(ends.hits)
+        if not smooth_only:
+            own_key, within = picked(key, ends.ray), strata.split(ends.ray)[1]
+            on |= uniform(self._lib, pair(within, salted(own_key, Salt.GOES_ON))[0]) < GOING_ON
+        _, ends = ends.only(on)
+        return computed(self._bounced(ends, strata, key, smooth_only))
+
+    @workers_ended()
+    def _bounced(self, ends: Ends, strata: Strata, key: mi.UInt32, smooth_only: bool) -> tuple[Ends, mi.Bool]:
+        """Return the results of `next`, not evaluated, of ends that all go on; the host takes long to trace them."""
+        key, within, last = picked(key, ends.ray), strata.split(ends.ray)[1], ends.hits
         first, second = pair(within, key)
         first, second, third, fourth = (uniform(self._lib, bits) for bits in (first, second, *other_pair(second, key)))
-        last = ends.hits
         direction, share, mirrored = next_direction(
             last, last.valid, self._frequency, mi.Vector3f(ends.leg.launch_direction), first,
             mi.Point2f(second, third), fourth)
@@ -112,31 +122,22 @@ class TracedEnds:
             at_surface, towards = last.label == self._surface, last.arrival_direction
             image = towards - 2 * dr.dot(last.normal, towards) * last.normal
             direction, share = dr.select(at_surface, image, direction), dr.select(at_surface, 1, share)
-        active = last.valid & (share > 0)
-        if smooth_only:
-            active &= mirrored
-        else:
-            number = uniform(self._lib, pair(within, salted(key, Salt.GOES_ON))[0])
-            active &= mirrored | (number < GOING_ON)
+        if not smooth_only:
             share = dr.select(mirrored, share, share * float(1 / GOING_ON))
-        dr.eval(direction, share, mirrored, active)
-        index, ends = ends.only(active)
-        last = ends.hits
-        direction, share, mirrored = picked(direction, index), picked(share, index), picked(mirrored, index)
-        hits = self._free_rays.hit(last.point, last.normal, direction, last.valid)
+        active = last.valid & (share > 0)
+        hits = self._free_rays.hit(last.point, last.normal, direction, active)
         sine = -dr.dot(hits.normal, hits.arrival_direction)
-        there = last.valid & hits.valid & (sine > GRAZING)
+        there = active & hits.valid & (sine > GRAZING)
         ends = replace(
             ends, hits=replace(hits.without_way(), valid=there),
             solid_angle=ends.solid_angle * share, between=ends.between + hits.travel_time,
             code=Paths.extended(ends.code, hits.label == self._surface),
             loss_db=ends.loss_db + self._water.one_way_db(last.point, hits.point, hits))
-        dr.eval(ends, mirrored)
-        index, ends = ends.only(there)
-        return computed(ends), picked(mirrored, index)
+        return ends, mirrored
 
 
 NUMBER_STEP = 1 << 8               # between the random numbers of uses: the candidates of each use take the next few
+LONGEST = 2.001                    # longest path over the range of rays: there and back, and rounding
 MOST_WAYS = 8                      # to connect ends: either view, folded or not; more than there are
 
 
@@ -144,13 +145,15 @@ class Bounces:
     """Ghosts of a scene."""
 
     def __init__(self, connector: Connector, free_rays: FreeRays, *, frequency: float, paths: Paths,    # [Hz]
-                 single: bool = True):
+                 energies: bool = True):
+        # energies: ghosts are summed as energies, so that many of them can come together; those of one bounce, too
         geometry = connector.geometry
-        self._most, self._single, self._lib = paths.max_depth, single, connector.lib
+        self._most, self._energies, self._lib = paths.max_depth, energies, connector.lib
         self._mirror = geometry.surface_mirrors
         self._ends = TracedEnds(connector, free_rays, frequency=frequency)
         self._connected = ConnectedEnds(connector, frequency=frequency, max_depth=paths.max_depth)
         self._partners = ChosenPartners(connector.water.profile, frequency=frequency,
+                                        longest=LONGEST * free_rays.tracer.max_range,
                                         surface=0 if self._mirror else geometry.surface_label)
         self.targets = bool(self._connected.targets)
         self._smooth = any(map(is_smooth, geometry.scene.shapes()))
@@ -168,46 +171,65 @@ class Bounces:
         points = self._connected.points(sonar, strata, key) if targets else {}
         if self._mirror:
             views[2] = self._ends.folded(views[1], origin)
-            if self._single and surfaces:
+            if self._energies and surfaces:
                 yield from self._connected.by_the_mirror(views[1], views[2], sonar)
         known = {made: self._partners.likely(view, seen, strata) for made, view in views.items()} if surfaces else {}
+        off_smooth: dict[tuple[bool, bool], Ends] = {}
         for made, a in views.items():
             for bounces in range(made, most):
+                pairs = []
                 if surfaces:
                     likely = known[made] if bounces == made else self._partners.likely(a, seen, strata)
                     use = MOST_WAYS * (made * most + bounces)
-                    for ghosts in self._between(a, likely, views, known, most - bounces, sonar, strata, key, use):
-                        yield ghosts
-                        if self._smooth and bounces > made:
-                            yield ghosts.reversed(picked(origin, ghosts.ray))
-                for more, target in points.items():
+                    pairs = [*self._between(a, likely, views, known, most - bounces, strata, key, use)]
+                smooth = self._smooth and surfaces
+                goes_on = bounces + 1 < most or smooth
+                # before the ghosts of pairs, whose kernels are traced while this one is at work
+                more = self._ends.next(a, strata, salted(key, Salt.DIRECTION, bounces),
+                                       smooth_only=bounces + 1 == most) if goes_on else None
+                for some, partners, chance, folded in pairs:
+                    ghosts = self._connected.pairs(some, partners, chance, sonar, folded)
+                    yield ghosts
+                    if self._smooth and bounces > made:
+                        yield ghosts.reversed(picked(origin, ghosts.ray))
+                for seen_by, target in points.items():
                     for folded in (False, True)[:len(views)]:
-                        if bounces + folded + more <= most:
+                        if bounces + folded + seen_by <= most:
                             ghosts = self._connected.at_target(a, target, folded)
                             yield ghosts
                             yield ghosts.turned(picked(origin, ghosts.ray))
-                smooth = self._smooth and surfaces
-                if bounces + 1 < most or smooth:
-                    a, mirrored = self._ends.next(a, strata, salted(key, Salt.DIRECTION, bounces),
-                                                  smooth_only=bounces + 1 == most)
+                if more is not None:
+                    a, mirrored = more
                     if bounces == made:
-                        a = computed(replace(a, first_smooth=mirrored))
+                        a = replace(a, first_smooth=mirrored)
+                    index, a = a.only(mi.Bool(True))
+                    a, mirrored = computed((a, picked(mirrored, index)))
                     if smooth:
-                        yield from self._connected.home(computed(a.only(mirrored)[1]), sonar, bounces + 2 <= most)
+                        off, again = computed(a.only(mirrored)[1]), self._mirror and bounces + 2 <= most
+                        if self._energies:
+                            kind = again, a.leg.folded
+                            off_smooth[kind] = off_smooth[kind].and_those(off) if kind in off_smooth else off
+                        else:
+                            yield from self._connected.home(off, sonar, again)
+        for (again, _), off in off_smooth.items():
+            yield from self._connected.home(computed(off), sonar, again)
 
     def _between(self, a: Ends, likely: mi.Float, views: Mapping[int, Ends], known: Mapping[int, mi.Float], left: int,
-                 sonar: Origins, strata: Strata, key: mi.UInt32, use: int) -> Iterator[Ghosts]:
-        """Yield ghosts from ends to chosen ends of the views, with at most `left` further bounces.
+                 strata: Strata, key: mi.UInt32, use: int) -> Iterator[tuple[Ends, Ends, mi.Float, bool]]:
+        """Yield ends and their partners in the views, the probabilities of these pairs, and if the mirror is between.
 
-        `likely` and `known` are the tables of the ends and of the views (`chosen_partners`). Random numbers of these
-        ghosts are numbered from `use` on.
+        Pairs make at most `left` further bounces. `likely` and `known` are the tables of the ends and of the views
+        (`chosen_partners`). Random numbers are numbered from `use` on.
         """
         ways = product(views.items(), (False, True)[:1 + self._mirror])
         for number, ((more, b), folded) in enumerate(ways, use):
             if more + folded <= left:
                 pair_key = salted(key, Salt.PARTNER, dr.opaque(mi.UInt32, number * NUMBER_STEP))
                 chosen = self._partners.choose(a, likely, known[more], strata, picked(pair_key, a.ray), folded=folded)
-                for pairs in chosen:
-                    index, some = a.only(pairs[1] > 0)
-                    partner, chance = entries(pairs, index)
-                    yield self._connected.pairs(some, b.chosen(partner), chance, sonar, folded)
+                kept = [going(a.valid & (chance > 0)) for _, chance in chosen]
+                parts = [(index, valid, *entries(pairs, index)) for (index, valid), pairs in zip(kept, chosen)]
+                if self._energies:                     # all kinds of pairs in one kernel
+                    parts = [tuple(map(dr.concat, zip(*parts)))]
+                for index, valid, partner, chance in parts:
+                    some = a.chosen(index)
+                    yield replace(some, hits=replace(some.hits, valid=valid)), b.chosen(partner), chance, folded

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import drjit as dr
 import mitsuba as mi
 
-from mitsonar.device.arrays import Kept, compressed, entries, picked
+from mitsonar.device.arrays import Kept, compressed, entries, mapped, picked
 from mitsonar.scene.tracing.hits import Hits
 from mitsonar.scene.tracing.tracer import Sources
 
@@ -70,6 +70,13 @@ class Ends:
     def chosen(self, index: mi.UInt32) -> Ends:
         """Return the ends with these numbers."""
         return entries(self, index)
+
+    def and_those(self, others: Ends) -> Ends:
+        """Return these ends and others behind them."""
+        count, index = dr.width(self.ray), dr.arange(mi.UInt32, dr.width(self.ray) + dr.width(others.ray))
+        here, behind = index < dr.opaque(mi.UInt32, count), index - dr.opaque(mi.UInt32, count)
+        return mapped(lambda own, other: dr.select(here, dr.gather(type(own), own, index, here),
+                                                   dr.gather(type(own), other, behind, ~here)), self, others)
 
 
 @dataclass(frozen=True, kw_only=True)

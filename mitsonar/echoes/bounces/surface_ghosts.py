@@ -42,7 +42,7 @@ class ArrayGhosts:
         self.lib = arrays_of(mi.Float)
         self.paths = Paths(max_depth, surface=geometry.surface_label > 0, volume=water.scatters)
         self.bounces = Bounces(sights.connector, FreeRays(tracer), frequency=frequency, paths=self.paths,
-                               single=False) if max_depth > 1 else None
+                               energies=False) if max_depth > 1 else None
         self.water = WaterEchoes(sights.connector, window) if water.scatters else None
 
     # ---- one scatterer, by way of the mirror

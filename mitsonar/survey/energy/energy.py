@@ -25,6 +25,7 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.device.arrays import arrays_of, give_back_memory, upload
+from mitsonar.device.turns import workers_ended
 from mitsonar.echoes.paths import Paths
 from mitsonar.echoes.sums.energy_sums import EchoSums, SummedEnergy
 from mitsonar.echoes.sums.origin_sums import OriginSums, sector
@@ -181,9 +182,10 @@ class EnergyBlock(Generic[RaysOf]):
     def _read(self, sums: EchoSums, origins: OriginSums, place: Place) -> EnergyRecord:
         """Return the sums in physical units, with the coherent echoes and the truth."""
         unit = 10 ** (self._rows.source_level_db / 10) * self._rows.bins.unit
-        energy = sums.read(unit)
-        coherent = None if self._coherent is None else self._coherent.sum(place)
-        return EnergyRecord(
-            intensity=energy.intensity, depth=energy.depth, rays=energy.rays, rays_in_beam=energy.rays_in_beam,
-            path_intensity=energy.path_intensity, coherent=None if coherent is None else coherent.record,
-            truth=self._truth.read(origins, unit, energy, coherent))
+        coherent = None if self._coherent is None else self._coherent.sum(place)      # while rays are still traced
+        with workers_ended():
+            energy = sums.read(unit)
+            return EnergyRecord(
+                intensity=energy.intensity, depth=energy.depth, rays=energy.rays, rays_in_beam=energy.rays_in_beam,
+                path_intensity=energy.path_intensity, coherent=None if coherent is None else coherent.record,
+                truth=self._truth.read(origins, unit, energy, coherent))
