@@ -36,9 +36,9 @@ AFTERNOON = ("roll_b", "heading_b")
 
 
 def sounded(name, number):
-    """Run a line: 48 beams, waves of its own, the same errors."""
+    """Run a line: 48 beams, a coarse bed that loads fast, waves of its own, the same errors."""
     fast = {"speed_knots": 12, "ping_rate": 2 * RATE} if name == "latency_b" else {"ping_rate": RATE}
-    return mitsonar.soundings("patch_test", seed=number, line=name, beams=48, motion_seed=number + 1,
+    return mitsonar.soundings("patch_test", seed=number, line=name, beams=48, bed_spacing=0.5, motion_seed=number + 1,
                               tide_error=TIDE if name in AFTERNOON else 0.0, **fast, **WRONG)
 
 
