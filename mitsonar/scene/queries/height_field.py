@@ -193,6 +193,31 @@ def _left(place: mi.Int32, ahead: mi.Float, side: mi.Float, start: mi.Float, met
     return dr.fma(mi.Float(place) + ahead, side, -start) * metres
 
 
+def _out(out_x: mi.Float, out_y: mi.Float, end: mi.Float, t: mi.Float) -> mi.Float:
+    """Return the distances [m], from `t` to `end`, at which rays leave a cell or block."""
+    return dr.maximum(dr.minimum(dr.minimum(out_x, out_y), end), t)
+
+
+def _meets(span: Any, here: mi.Float, there: mi.Float) -> mi.Bool:
+    """Return True for rays between heights [m] that are within the `span` of a block."""
+    return (dr.minimum(here, there) <= span[1] + SPARE) & (dr.maximum(here, there) >= span[0] - SPARE)
+
+
+def _onwards(active: mi.Bool, enter: mi.Bool, inner: mi.Int32, beyond: mi.Int32, here: mi.Int32) -> mi.Int32:
+    """Return the column or row of the cell where rays enter their block, or of what comes next."""
+    return dr.select(active, dr.select(enter, inner, beyond), here)
+
+
+def _farther(enter: mi.Bool, t: mi.Float, out: mi.Float) -> mi.Float:
+    """Return the distances [m] from which rays go on: that of entry into a block also for its first cell."""
+    return dr.select(enter, t, out)
+
+
+def _finer(fine: mi.Bool, left: mi.Bool, enter: mi.Bool) -> mi.Bool:
+    """Return True for rays that go on from cell to cell."""
+    return (fine & ~left) | enter
+
+
 def _inside(column: mi.Int32, row: mi.Int32, fine: mi.Bool, columns: mi.UInt32, rows: mi.UInt32,
             blocks_across: mi.UInt32) -> mi.Bool:
     """Return True where there are such a column and row of cells, or of blocks."""
@@ -246,7 +271,7 @@ def _walked(lib: ArrayTypes, cells: mi.Float, blocks: mi.Float, counts: list[mi.
         side = dr.select(fine, mi.Float(1), BLOCK)
         out_x = _left(column, ahead_x, side, px, metres_x)
         out_y = _left(row, ahead_y, side, py, metres_y)
-        out = dr.maximum(dr.minimum(dr.minimum(out_x, out_y), end), t)
+        out = _out(out_x, out_y, end, t)
         met, enter = mi.Float(dr.inf), mi.Bool(False)
         if fine:
             z = dr.gather(lib.Array4f, cells, mi.UInt32(row) * columns + mi.UInt32(column), active)
@@ -254,8 +279,7 @@ def _walked(lib: ArrayTypes, cells: mi.Float, blocks: mi.Float, counts: list[mi.
             met = _met(z, x, y, dx, dy, o.z, d.z, ray.maxt)
         else:
             span = dr.gather(lib.Array2f, blocks, mi.UInt32(row) * blocks_across + mi.UInt32(column), active)
-            here, there = dr.fma(t, d.z, o.z), dr.fma(out, d.z, o.z)
-            enter = (dr.minimum(here, there) <= span[1] + SPARE) & (dr.maximum(here, there) >= span[0] - SPARE)
+            enter = _meets(span, dr.fma(t, d.z, o.z), dr.fma(out, d.z, o.z))
         best = dr.select(active, dr.minimum(best, met), best)
         active &= ~(best < dr.inf)
         # into the block, at the cell where the ray enters it
@@ -263,10 +287,10 @@ def _walked(lib: ArrayTypes, cells: mi.Float, blocks: mi.Float, counts: list[mi.
         inner_row = _entered(row, dr.fma(t, dy, py), rows)
         # or on to the next block or cell
         next_column, next_row, left = _next(column, row, step_x, step_y, out_x <= out_y, fine)
-        column = dr.select(active, dr.select(enter, inner_column, next_column), column)
-        row = dr.select(active, dr.select(enter, inner_row, next_row), row)
-        t = dr.select(enter, t, out)
-        fine = (fine & ~left) | enter
+        column = _onwards(active, enter, inner_column, next_column, column)
+        row = _onwards(active, enter, inner_row, next_row, row)
+        t = _farther(enter, t, out)
+        fine = _finer(fine, left, enter)
         active &= enter | (t < end)
         active &= _inside(column, row, fine, columns, rows, blocks_across)
     x = held(dr.fma(best, dx, px) - mi.Float(column), 0.0, 1.0)
