@@ -15,6 +15,7 @@ together. For apertures L and L' it is
 where the same scatterers take part, and lower by √(m / m') where one sonar has m of the other's m'. With
 some 400 resolution cells, chance is 0.01.
 """
+import functools
 from dataclasses import replace
 
 import numpy as np
@@ -34,9 +35,11 @@ from mitsonar.verbs.images import opened
 
 PINGS, STRETCHES, WAVELENGTH = 1, 5, 0.015
 TRACK = {"speed_knots": 3.0, "heading_deg": 25.0, "start": [3.0, -4.0, -20.0], "pings": PINGS, "ping_rate_hz": 4.0}
-SUMMER = {"profile": "0:1508, 8:1507, 14:1494, 40:1490"}
-RIPPLED = {"type": "seabed", "depth": 40.0, "length": 300.0, "width": 300.0, "spacing": 0.5, "ripple_wavelength": 3.0,
-           "ripple_height": 0.2, "bsdf": {"type": "lambert"}}
+PROFILES = {"even": None, "summer": {"profile": "0:1508, 8:1507, 14:1494, 40:1490"}}
+GLINTING = {**scenes.lambert(), "glints": 5.0, "glint_share": 0.8}
+BEDS = {"level": bed_of(40.0, size=500.0), "glinting": bed_of(40.0, GLINTING, size=500.0),
+        "rippled": {"type": "seabed", "depth": 40.0, "length": 300.0, "width": 300.0, "spacing": 0.5,
+                    "ripple_wavelength": 3.0, "ripple_height": 0.2, "bsdf": {"type": "lambert"}}}
 FAR = 59.0, 73.0                   # [m]
 
 
@@ -45,70 +48,72 @@ def ready():
     prepare()
 
 
-def sidescan_survey(shape, water, width, per_cell, bins, far):
-    scene = scenes.sidescan({"bed": shape}, rays=100, water=water,
-                            film={"range_min": far[0] - 2, "range": far[1] + 2, "bins": bins},
+@functools.cache
+def face(bed, water, width, per_cell, bins):
+    """Speckle (ping, side, gate) that a sidescan's face receives, and where gates begin and how long they are [s]."""
+    scene = scenes.sidescan({"bed": BEDS[bed]}, rays=100, water=PROFILES[water],
+                            film={"range_min": FAR[0] - 2, "range": FAR[1] + 2, "bins": bins},
                             sensor={"frequency_khz": 100.0, "pulse_ms": 0.1, "beam_width_deg": width, "speckle": True,
                                     **TRACK}, integrator={"scatterers_per_cell": per_cell})
-    return plan(scene, scene.sensors()[0], scene.integrator().settings)
+    survey = plan(scene, scene.sensors()[0], scene.integrator().settings)
+    speckle = SideSpeckle(survey)
+    start, end = survey.window[:2]
+    return speckle.of(np.arange(PINGS))[..., 0], start, (end - start) / speckle.gates
 
 
-def interferometric_survey(shape, water, width, far):
+@functools.cache
+def interferometric_survey(bed, water, width):
     scene, sensor, path = opened(interferometric(
-        {"bed": shape}, water=water, film={"range_min": far[0] - 2, "range": far[1] + 2, "bins": 100},
+        {"bed": BEDS[bed]}, water=PROFILES[water], film={"range_min": FAR[0] - 2, "range": FAR[1] + 2, "bins": 100},
         sensor={"frequency_khz": 100.0, "pulse": "cw", "pulse_ms": 0.1, "beam_width_deg": width, "rows": "0, 0.5",
                 "face_place": "0, 0, 0", "transmitter_place": "0, 0, 0", "noise": False, "tilt_deg": 20.0, **TRACK}))
     return path.survey(scene, sensor)
 
 
-def compressed_pulse(pulse, rate, time):
-    """χ of the pulse at times [s], with the receiver's filter."""
+def compressed(pulse, rate, time, places, g):
+    """Σ_j χ(t - t_j) g_j at times [s]; χ of the pulse, with the receiver's filter."""
     frequency = fft.fftfreq(4096, 1 / rate)
     power = np.abs(pulse.spectrum(rate, 4096)) ** 2 * band_filter(frequency, rate)
     keep = power > 1e-6 * power.max()
-    return np.exp(2j * np.pi * np.multiply.outer(time, frequency[keep])) @ power[keep]
+    turns = 2j * np.pi * frequency[keep]
+    return np.exp(np.multiply.outer(time, turns)) @ (power[keep] * (np.exp(-np.multiply.outer(turns, places)) @ g))
 
 
-def coherence(shape=None, water=None, widths=(3.0, 3.0), per_cell=20.0, bins=1000, denser=1.0, far=FAR):
-    shape = shape or bed_of(40.0, size=500.0)
-    sidescan = sidescan_survey(shape, water, widths[0], per_cell, bins, far)
-    speckle = SideSpeckle(sidescan)
-    g, gate = speckle.of(np.arange(PINGS))[..., 0], (sidescan.window[1] - sidescan.window[0]) / speckle.gates
-    survey = interferometric_survey(shape, water, widths[1], far)
+def coherence(bed="level", water="even", widths=(3.0, 3.0), per_cell=20.0, bins=1000, denser=1.0):
+    g, start, gate = face(bed, water, widths[0], per_cell, bins)
+    survey = interferometric_survey(bed, water, widths[1])
     pulse, rate = survey.sides[0].pulse, survey.sides[0].sampling_rate
     # as many scatterers over the same ground: 1 / 2B against half a gate
     many = per_cell / (pulse.bandwidth * gate) * denser
     rows = both_sides(replace(survey, sides=tuple(replace(side, per_cell=many) for side in survey.sides)))
     time = survey.sides[0].time[survey.sides[0].lead:]
-    inside = (time > far[0] / 750.0) & (time < far[1] / 750.0)
-    later = time[inside, None] - (sidescan.window[0] + (np.arange(speckle.gates) + 0.5) * gate)
-    near, response = np.abs(later) < 3e-4, np.zeros(later.shape, complex)
-    response[near] = compressed_pulse(pulse, rate, later[near])
+    inside = (time > FAR[0] / 750.0) & (time < FAR[1] / 750.0)
+    places = start + (np.arange(g.shape[-1]) + 0.5) * gate
     together, own, other = 0.0, 0.0, 0.0
     for ping in range(PINGS):
         for side in (0, 1):
             y = rows[side].signals(ping, 0)[0][inside].astype(complex)
             # without the slow fall of the level
             y *= np.exp(-0.5 * np.polyval(np.polyfit(time[inside], np.log(np.abs(y) ** 2), 1), time[inside]))
-            for x, row in zip(*(np.array_split(part, STRETCHES) for part in (response @ g[ping, side], y))):
+            speckle = compressed(pulse, rate, time[inside], places, g[ping, side])
+            for x, row in zip(*(np.array_split(part, STRETCHES) for part in (speckle, y))):
                 together += abs(np.vdot(x, row))
                 own, other = own + np.vdot(x, x).real, other + np.vdot(row, row).real
     return together / np.sqrt(own * other)
 
 
 def test_a_face_and_a_row_of_one_aperture_receive_the_same_speckle():
-    assert coherence(water=SUMMER, per_cell=40.0) > 0.99
+    assert coherence(water="summer", per_cell=40.0) > 0.99
 
 
 def test_so_they_do_over_ripples():
     """Half as many scatterers: 0.01 more of what costs coherence."""
-    assert coherence(RIPPLED, bins=500) > 0.975
+    assert coherence("rippled", bins=500) > 0.975
 
 
 def test_glints_of_both_are_the_same():
     """With glints that each count for more than the rest of a cell; others in each would leave some 0.6."""
-    glinting = {**scenes.lambert(), "glints": 5.0, "glint_share": 0.8}
-    assert coherence(bed_of(40.0, glinting, size=500.0), bins=500) > 0.975
+    assert coherence("glinting", bins=500) > 0.975
 
 
 @pytest.mark.parametrize("width", [2.0, 6.0])
