@@ -25,7 +25,7 @@ SHARED = {"sidescan_targets": {"pings": 33}, "forward_looking": {}, "swimmers": 
           "echo_sounder": {}, "interferometric": {}, "multibeam": {"preset": "shallow_400khz", "range": 30, "pings": 2},
           "sidescan_survey": {"range": 50, "rays": 2000, "pings": 33}}
 SLOW = "sidescan_targets", "multibeam"
-LONG = 'name="pings" value="$pings"', 'name="pings" value="50000"/> <float name="speed_knots" value="0"'
+LONG = 'name="pings" value="$pings"', 'name="pings" value="5000"/> <float name="speed_knots" value="0"'
 
 
 @pytest.fixture(scope="module")
