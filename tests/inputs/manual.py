@@ -150,8 +150,20 @@ def run_blocks(page: Path) -> None:
             raise SystemExit(f"nothing is known that runs a block of {block.language}")
 
 
+def take_one_thread() -> None:
+    """Render with one thread, as tests do beside other processes of pytest-xdist."""
+    import mitsonar.scene.loading
+
+    mitsonar.scene.loading.prepare()
+    import drjit as dr
+
+    dr.set_thread_count(1)
+
+
 if __name__ == "__main__":
     start = Path.cwd()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        take_one_thread()
     for name in sys.argv[1:]:
         os.chdir(start)
         run(Path(name))
