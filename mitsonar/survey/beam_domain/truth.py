@@ -35,7 +35,7 @@ PER_BEAM = 8                       # entries per beam of the table that finds be
 FEWER_SECTORS = SECTORS // 64      # sectors joined to one here, since scatterers are too few for more
 IN_LOBE = SECTORS // FEWER_SECTORS # flag of a word above its sector
 CELL = 1                           # bins and beams to either side in which scatterers are counted
-ROWS = 8                           # beams whose shares are computed together: they stay in a core's cache
+ROWS = 16                          # beams whose shares are computed together: they stay in a core's cache
 HARDLY = 1e-6                      # share of the strongest bin's energy below which a bin has no place on the bed
 
 
