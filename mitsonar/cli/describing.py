@@ -84,9 +84,9 @@ def _show(arguments):
     path = scenes.find(arguments.scene)
     output = arguments.output or f"{Path(path).stem}_plan.png"
     check_picture(output)
-    from mitsonar import load_file
     from mitsonar.plots.sheets.scene_sheet import show
+    from mitsonar.scene.loading import load_for_sonar
 
     set_up(None)
-    show(load_file(path, **parameters(arguments)), output, sensor=arguments.sensor, ping=arguments.ping)
+    show(load_for_sonar(path, **parameters(arguments)), output, sensor=arguments.sensor, ping=arguments.ping)
     announce(output)
