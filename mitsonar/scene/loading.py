@@ -48,7 +48,7 @@ def prepare() -> None:
 
 @functools.cache
 def _enough_threads():
-    """Give Dr.Jit no more threads than cores, once, and a second one where it is alone: Mitsuba's loader needs two."""
+    """Set the threads of Dr.Jit, once, to no more than cores and no less than two, which Mitsuba's loader needs."""
     import drjit as dr
 
     # a container may use fewer cores than the machine has, and threads that look for work use up its time

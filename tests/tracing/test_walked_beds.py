@@ -66,9 +66,9 @@ def test_hits_are_those_of_a_tree(rough, name, longest):
 
 @pytest.mark.parametrize("place", [0.0, 900.0])
 def test_steep_hits_on_wide_grids_are_as_exact_as_their_rays(variant, place):
-    """What leads from a steep hit back to its ray divides by its angle off the vertical: micrometres count.
+    """Times of steep hits are found from their small distance across, so that micrometres count.
 
-    float32 places are 0 at the origin and 30 um apart at 900 m; cells count from the corner, 12,000 of them away.
+    float32 places are 30 um apart at 900 m, where the ray begins exactly on one; the corner is 12,000 cells away.
     """
     heights = np.random.default_rng(4).uniform(-20.2, -20, (3, 24_001)).astype(np.float32)
     grid = height_field.HeightGrid(corner=np.array([-1200.0, -0.1]), spacing=np.array([0.1, 0.1]), heights=heights)
