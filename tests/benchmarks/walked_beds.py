@@ -38,7 +38,10 @@ def main(argv=None):
         ways = {way: lambda load=load: load(name) for way, load in (("tree", load_file), ("none", load_for_sonar))}
         costs = measuring.rounds(ways, arguments.rounds)
         loads.append([name, *(f"{cpu(costs[way]):.2f}" for way in ways)])
-        bed = next(shape for shape in load_file(name).shapes() if is_seabed(shape))
+        beds = [shape for shape in load_file(name).shapes() if is_seabed(shape)]
+        bed = next((bed for bed in beds if as_grid(*mesh_arrays(bed)) is not None), None)
+        if bed is None:
+            parser.error(f"{name} has no bed that is a grid")
         rays += of_rays(name, bed, arguments)
     print(measuring.machine())
     measuring.table(["CPU seconds of loading", "with the tree", "without"], loads)
