@@ -42,7 +42,7 @@ def _share(quota: float, period: float = PERIOD) -> float:
 def _group_limits(controller: str, unified: str, *older: str) -> Iterator[list[float]]:
     """Yield the numbers of the limits of our control group and of those around it: version 2's file, or version 1's."""
     try:
-        lines = Path(OWN).read_text().splitlines()
+        lines = os.fsdecode(Path(OWN).read_bytes()).splitlines()
     except OSError:
         return
     for _, controllers, path in (line.split(":", 2) for line in lines if line.count(":") >= 2):

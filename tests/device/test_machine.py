@@ -59,5 +59,12 @@ def test_no_limit_is_no_limit(group):
     assert 0 < machine.memory() < 1e15 or math.isinf(machine.memory())
 
 
+def test_the_name_of_a_group_need_not_be_text(group):
+    group("0::/\n", cpu_max="100000 100000")
+    with open(machine.OWN, "wb") as file:
+        file.write(b"0::/\xff\n")
+    assert machine.cores() == 1
+
+
 def test_a_system_without_groups_has_all_its_cores(group):
     assert machine.cores() == CORES and machine.memory() > 0

@@ -121,7 +121,7 @@ class ConnectedEnds:
         """Yield ghosts from the hits of rays off smooth targets to the sonar; `again` adds those by the mirror."""
         hits, sonar = ends.hits, sonar.of(ends.ray)
         for folded in (False, True)[:1 + (self._mirror and again)]:
-            with workers_ended():                    # over few rays, whose kernels are traced longer than they work
+            with workers_ended():                    # of few rays: kernels take longer to record than to run
                 way, place, code = self._seen(sonar, hits.point, hits.normal, hits.valid, folded, ends.code)
             active = hits.valid & way.free
             strength, sine = bistatic_strength(hits, -way.arrival_direction, active, self._frequency)

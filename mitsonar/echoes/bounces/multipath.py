@@ -111,7 +111,7 @@ class TracedEnds:
 
     @workers_ended()
     def _bounced(self, ends: Ends, strata: Strata, key: mi.UInt32, smooth_only: bool) -> tuple[Ends, mi.Bool]:
-        """Return the results of `next`, not evaluated, of ends that all go on; the host takes long to trace them."""
+        """Return the results of `next`, not evaluated, of ends that all go on; their kernels take long to record."""
         key, within, last = picked(key, ends.ray), strata.split(ends.ray)[1], ends.hits
         first, second = pair(within, key)
         first, second, third, fourth = (uniform(self._lib, bits) for bits in (first, second, *other_pair(second, key)))

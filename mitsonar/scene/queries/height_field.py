@@ -199,8 +199,9 @@ def _from_block(lib: ArrayTypes, place: mi.Float, corner: mi.Float64,
                 per_metre: mi.Float64) -> tuple[mi.Float, mi.Float]:
     """Return places [m] in cells from the first cells of their blocks, and the whole numbers of these cells."""
     there = (lib.Float64(place) - corner) * per_metre
-    first = dr.floor(there * (1 / BLOCK)) * BLOCK
-    return mi.Float(there - first), mi.Float(first)
+    # rounded first, so that the two add up to the place however far off it is
+    first = mi.Float(dr.floor(there * (1 / BLOCK)) * BLOCK)
+    return mi.Float(there - lib.Float64(first)), first
 
 
 def _out(out_x: mi.Float, out_y: mi.Float, end: mi.Float, t: mi.Float) -> mi.Float:
@@ -213,12 +214,12 @@ def _meets(span: Any, here: mi.Float, there: mi.Float) -> mi.Bool:
     return (dr.minimum(here, there) <= span[1] + SPARE) & (dr.maximum(here, there) >= span[0] - SPARE)
 
 
-Place = TypeVar("Place", "mi.Float", "mi.Int32")
+Number = TypeVar("Number", "mi.Float", "mi.Int32")
 
 
-def _either(first: mi.Bool, one: Place, other: Place) -> Place:
-    """Return one place where it comes first, else the other."""
-    return dr.select(first, one, other)
+def _either(wanted: mi.Bool, one: Number, other: Number) -> Number:
+    """Return one number where it is wanted, else the other."""
+    return dr.select(wanted, one, other)
 
 
 def _inside(column: mi.Int32, row: mi.Int32, fine: mi.Bool, columns: mi.UInt32, rows: mi.UInt32,
@@ -232,6 +233,7 @@ def _inside(column: mi.Int32, row: mi.Int32, fine: mi.Bool, columns: mi.UInt32, 
 def _entered(block: mi.Int32, place: mi.Float, first: mi.Float, cells: mi.UInt32) -> mi.Int32:
     """Return the column or row of the cell where a ray enters a block, at `place` [cells] from the cell `first`."""
     begin = block * BLOCK
+    # whatever number a NaN becomes, the cell lies in the block and in the grid
     return dr.clip(mi.Int32(dr.floor(place) + first), begin, dr.minimum(begin + (BLOCK - 1), mi.Int32(cells) - 1))
 
 

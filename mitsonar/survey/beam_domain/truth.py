@@ -353,7 +353,7 @@ def _share_out(planes: Sequence[_TruthPlane], total: np.ndarray, share: np.ndarr
     # total, label (b, T), share (b, L, T), all 0
     for plane in planes:
         total[plane.where] += plane.energy
-    per_total = np.reciprocal(np.maximum(total, LEAST))             # energies are 0 or no less
+    per_total = np.reciprocal(np.maximum(total, LEAST))             # smaller ones have no inverse in 32 bits
     best = np.zeros_like(total)
     for plane in planes:
         beams, bins = plane.where
